@@ -1,0 +1,153 @@
+"""What a collision does: the seed's response, contacts that last, and the motion those contacts leave the ball.
+
+Lasting contacts are kept in a scratch array (MAX_CONTACTS, 4), a row each: unit normal, rolling resistance; ``held``
+counts the rows in use. It belongs to one time step: a step starts with none, so that a state is position and velocity.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from minigolf_env.physics.kernel import kernel
+from minigolf_env.physics.sweep import Collision
+from minigolf_env.physics.types import FloatArray, Scene, Vec3
+from minigolf_env.physics.vec3 import along, cross, dot, norm, scale, sub, vec3
+
+MAX_CONTACTS = 8
+"""Contacts held at once: three hold a ball; the rest is for bowls of many facets."""
+
+GRAZE = 1e-10
+"""Relative speed normal to a surface below which a ball neither bounces off it nor has left it."""
+
+ROUNDING = 2.0**-50
+"""Normal speed of a projected vector, as a share of its length, that is rounding: a few units in the last place."""
+
+
+@kernel
+def no_contacts() -> FloatArray:
+    """Return an empty scratch array for ``hold``."""
+    return np.empty((MAX_CONTACTS, 4))
+
+
+@kernel
+def hold(contacts: FloatArray, held: int, n: Vec3, rolling: float) -> int:
+    """Add a lasting contact; return how many there are. One with the same normal, or the closest of a full set, goes."""
+    row, closest = held, -1.0
+    for i in range(held):
+        likeness = dot(vec3(contacts[i]), n)
+        apart = sub(vec3(contacts[i]), n)
+        if norm(apart) <= ROUNDING or (held == MAX_CONTACTS and likeness > closest):
+            row, closest = i, likeness
+    contacts[row, 0], contacts[row, 1], contacts[row, 2], contacts[row, 3] = n.x, n.y, n.z, rolling
+    return max(held, row + 1)
+
+
+@kernel
+def release(contacts: FloatArray, held: int, v: Vec3) -> int:
+    """Drop the contacts that the ball moves away from at velocity v; return how many are left."""
+    left = 0
+    for i in range(held):
+        if dot(vec3(contacts[i]), v) <= GRAZE * norm(v):
+            contacts[left] = contacts[i]
+            left += 1
+    return left
+
+
+@kernel
+def project(contacts: FloatArray, held: int, x: Vec3) -> Vec3:
+    """Return the vector closest to x in the cone {y : y . n >= 0 for every contact normal n}.
+
+    It is x itself, or x projected on one contact plane, on the crease of two, or zero.
+    """
+    if _in_cone(contacts, held, x, -1, -1, 0.0):
+        return x
+    slack = -ROUNDING * norm(x)
+    for i in range(held):
+        n = vec3(contacts[i])
+        y = along(x, -dot(x, n), n)
+        if dot(x, n) < 0.0 and _in_cone(contacts, held, y, i, i, slack):
+            return y
+    best = Vec3(0.0, 0.0, 0.0)
+    for i in range(held):
+        for j in range(i):
+            n = vec3(contacts[i])
+            crease = cross(n, vec3(contacts[j]))
+            # Nearly equal normals leave a crease that is hardly perpendicular to them: make it so.
+            crease = along(crease, -dot(crease, n), n)
+            if norm(crease) > 0.0:
+                crease = scale(crease, 1.0 / norm(crease))
+                y = scale(crease, dot(x, crease))
+                if norm(y) > norm(best) and _in_cone(contacts, held, y, i, j, slack):
+                    best = y  # Of the vectors in the cone's creases the longest is the closest to x.
+    return best
+
+
+@kernel
+def _in_cone(contacts: FloatArray, held: int, x: Vec3, i: int, j: int, slack: float) -> bool:
+    """Return whether x . n >= slack for every contact but i and j, in whose planes it was put."""
+    for k in range(held):
+        if k != i and k != j and dot(vec3(contacts[k]), x) < slack:
+            return False
+    return True
+
+
+@kernel
+def rolling_resistance(contacts: FloatArray, held: int, gravity: Vec3) -> float:
+    """Return R, the deceleration of a rolling ball, m/s^2: each contact's share of the weight it carries."""
+    total = 0.0
+    for i in range(held):
+        total += contacts[i, 3] * max(0.0, -dot(gravity, vec3(contacts[i])))
+    return total
+
+
+@kernel
+def resist(v: Vec3, a: Vec3, resistance: float, h: float) -> tuple[Vec3, float, bool]:
+    """Return (net acceleration, duration, stops) of a piece of the step that lasts at most h.
+
+    The resistance acts against v, or holds back the acceleration a of a ball that lies still. The piece ends where the
+    velocity along its first direction reaches zero (``stops``). A ball at rest gets zero acceleration and duration.
+    """
+    speed, pull = norm(v), norm(a)
+    if speed == 0.0:
+        if pull <= resistance:
+            return Vec3(0.0, 0.0, 0.0), 0.0, True
+        return scale(a, 1.0 - resistance / pull), h, False
+    if resistance == 0.0:
+        return a, h, False
+    net = along(a, -resistance / speed, v)
+    braking = resistance - dot(a, v) / speed
+    if braking > 0.0 and speed <= braking * h:
+        return net, speed / braking, True
+    return net, h, False
+
+
+@kernel
+def stop(v: Vec3, end: Vec3) -> Vec3:
+    """Return the velocity ``end`` without its part along the first velocity v; zero where only rounding is left."""
+    sideways = along(end, -dot(end, v) / dot(v, v), v)
+    return sideways if norm(sideways) > GRAZE * norm(v) else Vec3(0.0, 0.0, 0.0)
+
+
+@kernel
+def rebound(scene: Scene, hit: Collision, w: Vec3, v: Vec3, a: Vec3, span: float) -> tuple[Vec3, bool]:
+    """Return (velocity after the impact, whether the contact lasts instead).
+
+    ``w`` is the average velocity over the path of duration ``span``, which the seed's response uses; ``v`` the velocity
+    at the collision and ``a`` the acceleration on the way, which the conservative response uses: its approach speed
+    makes up for the height between the straight path and the parabola, so that the impact keeps energy exactly.
+    """
+    surface, n = scene.surface[hit.index], hit.normal
+    restitution, tangential = scene.restitution[surface], scene.tangential[surface]
+    incoming, approach = w, -dot(w, n)
+    if scene.conservative:
+        incoming = v
+        approach = math.sqrt(dot(v, n) ** 2 + hit.alpha * (1.0 - hit.alpha) * span * span * dot(a, a))
+        if dot(v, n) >= 0.0:  # It only grazes, and leaves undamped.
+            restitution, tangential = 1.0, 1.0
+    pressing = max(0.0, -dot(scene.gravity, n), -dot(a, n))
+    if restitution * approach <= 0.5 * pressing * scene.dt or approach <= GRAZE * norm(w):
+        return v, True
+    sliding = along(incoming, -dot(incoming, n), n)
+    return along(scale(sliding, tangential), restitution * approach, n), False

@@ -1,0 +1,45 @@
+"""How the physics is compiled: one decorator, and one line for the user when compiling takes a while."""
+
+from __future__ import annotations
+
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any, TypeVar
+
+import numba
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+PATIENCE = 1.5
+"""Seconds of silence before the user is told that the physics is being compiled."""
+
+_ready = False
+
+
+def kernel(function: Function) -> Function:
+    """Compile a function of floats, arrays and NamedTuples: cached on disk, IEEE arithmetic, without the GIL.
+
+    ``fastmath`` stays off (the same bits everywhere) and division follows numpy (a sliver may divide by zero).
+    """
+    compiled: Function = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=False)(function)
+    return compiled
+
+
+@contextmanager
+def announced_compilation() -> Iterator[None]:
+    """Say on stderr that kernels are being compiled if the first use in a process takes longer than ``PATIENCE``."""
+    global _ready  # noqa: PLW0603
+    if _ready:
+        yield
+        return
+    message = "minigolf_env: compiling the physics, once after each installation (about 20 s) ...\n"
+    timer = threading.Timer(PATIENCE, sys.stderr.write, [message])
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+        _ready = True
+    finally:
+        timer.cancel()

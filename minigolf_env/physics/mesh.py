@@ -1,0 +1,129 @@
+"""The door for meshes: vertices and faces are checked and cast here once, and nowhere else."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from minigolf_env.physics.types import FloatArray, Surface
+
+LARGEST = 1e9
+"""Largest coordinate taken, m; products of larger ones would leave float64's exact range long before any use."""
+
+
+class TriangleMesh:
+    """A surface of triangles and what it is made of.
+
+    Faces are wound so that their normals (right-hand rule) look into the space where the ball moves: a box to bounce in
+    has normals inwards, an obstacle outwards. A closed mesh is one-sided: it stops a ball that comes from its front. An
+    open one is two-sided. Triangles without area are allowed and act as the segments or points they are.
+
+    Args:
+        vertices: (V, 3) finite coordinates, m.
+        faces: (F, 3) integers, rows of ``vertices``; F >= 1.
+        surface: what an impact keeps and how the ball rolls.
+        two_sided: None: decided by whether the mesh is closed and consistently wound; or True or False.
+        name: what error messages call the mesh.
+
+    Raises:
+        ValueError: wrong shapes, values that are not finite, faces out of range, no faces.
+    """
+
+    vertices: FloatArray
+    faces: NDArray[np.int64]
+    surface: Surface
+    two_sided: bool
+    name: str
+
+    def __init__(
+        self,
+        vertices: ArrayLike,
+        faces: ArrayLike,
+        surface: Surface | None = None,
+        two_sided: bool | None = None,
+        name: str = "mesh",
+    ) -> None:
+        self.name = str(name)
+        self.vertices = _checked_vertices(vertices, self.name)
+        self.faces = _checked_faces(faces, len(self.vertices), self.name)
+        self.surface = Surface() if surface is None else surface
+        if not isinstance(self.surface, Surface):
+            raise ValueError(f"{self.name}: surface: expected a Surface, received {type(surface).__name__}.")
+        self.two_sided = not self.is_closed if two_sided is None else bool(two_sided)
+
+    @property
+    def triangles(self) -> FloatArray:
+        """The corners (F, 3, 3), m."""
+        return self.vertices[self.faces]
+
+    @property
+    def is_closed(self) -> bool:
+        """Whether every edge is passed as often one way as the other: closed and consistently wound."""
+        _, unique = np.unique(self.vertices, axis=0, return_inverse=True)
+        faces = unique.reshape(-1)[self.faces]
+        edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+        keys = edges.min(axis=1) * len(self.vertices) + edges.max(axis=1)
+        _, edge = np.unique(keys, return_inverse=True)
+        way = np.sign(edges[:, 1] - edges[:, 0])
+        return not np.bincount(edge.reshape(-1), weights=way).any()
+
+    def __repr__(self) -> str:
+        """Return the size and the kind."""
+        sides = "two-sided" if self.two_sided else "one-sided"
+        return f"TriangleMesh({self.name!r}, {len(self.vertices)} vertices, {len(self.faces)} faces, {sides})"
+
+
+def finite_array(value: ArrayLike, shape: tuple[int | None, ...], what: str, remedy: str) -> FloatArray:
+    """Return a new float64 array of the given shape (None: any length), or raise a ValueError that says all about it."""
+    wanted = "(" + ", ".join("N" if n is None else str(n) for n in shape) + ("," if len(shape) == 1 else "") + ")"
+    try:
+        array = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{what}: expected numbers of shape {wanted}, received {value!r:.80}; {remedy}") from error
+    if array.ndim != len(shape) or any(n is not None and n != m for n, m in zip(shape, array.shape, strict=True)):
+        raise ValueError(f"{what}: expected shape {wanted}, received {array.shape}; {remedy}")
+    if not np.isfinite(array).all():
+        where = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
+        raise ValueError(f"{what}: expected finite numbers, received {array[where]} at index {where}; {remedy}")
+    return array
+
+
+def positive_number(value: float, what: str, remedy: str) -> float:
+    """Return a finite float > 0, or raise a ValueError that says what was received."""
+    number = float(finite_array(value, (), what, remedy))
+    if not (number > 0.0 and math.isfinite(number)):
+        raise ValueError(f"{what}: expected a number > 0, received {value!r}; {remedy}")
+    return number
+
+
+def _checked_vertices(vertices: ArrayLike, name: str) -> FloatArray:
+    array = finite_array(vertices, (None, 3), f"{name}: vertices", "give one row of x, y, z in metres a vertex.")
+    if np.abs(array).max(initial=0.0) > LARGEST:
+        raise ValueError(
+            f"{name}: vertices: expected coordinates up to {LARGEST:g} m, received {np.abs(array).max():g}; "
+            "move the mesh to the origin or use another unit."
+        )
+    array.flags.writeable = False
+    return array
+
+
+def _checked_faces(faces: ArrayLike, vertices: int, name: str) -> NDArray[np.int64]:
+    raw = np.asarray(faces)
+    if raw.ndim != 2 or raw.shape[1] != 3 or len(raw) == 0:
+        raise ValueError(
+            f"{name}: faces: expected shape (F, 3) with F >= 1, received {raw.shape}; "
+            "give one row of three vertex numbers a triangle (split larger polygons)."
+        )
+    if not np.issubdtype(raw.dtype, np.integer):
+        raise ValueError(f"{name}: faces: expected integers, received {raw.dtype}; faces number rows of vertices.")
+    if raw.min() < 0 or raw.max() >= vertices:
+        face = int(np.argwhere((raw < 0) | (raw >= vertices))[0, 0])
+        raise ValueError(
+            f"{name}: faces: expected vertex numbers 0 to {vertices - 1}, received {raw[face].tolist()} in face {face}; "
+            "vertices are counted from 0."
+        )
+    array = raw.astype(np.int64)
+    array.flags.writeable = False
+    return array

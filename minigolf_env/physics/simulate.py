@@ -1,0 +1,188 @@
+"""The time step, the run to rest, and batches of runs."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from minigolf_env.physics.contact import (
+    MAX_CONTACTS,
+    hold,
+    no_contacts,
+    project,
+    rebound,
+    release,
+    resist,
+    rolling_resistance,
+    stop,
+)
+from minigolf_env.physics.kernel import kernel
+from minigolf_env.physics.sweep import distance, is_buried, sweep
+from minigolf_env.physics.types import FloatArray, Scene, Status, Vec3
+from minigolf_env.physics.vec3 import along, scale, vec3
+
+MAX_SUB_STEPS = 64
+"""Pieces of one time step, nearly always 1 to 6: the guarantee that every step ends."""
+
+REST, OUT_OF_BOUNDS, TIME_LIMIT = int(Status.REST), int(Status.OUT_OF_BOUNDS), int(Status.TIME_LIMIT)
+
+
+class Moved(NamedTuple):
+    """The ball after a time step."""
+
+    p: Vec3
+    v: Vec3
+    left: float
+    """Time of the step that was not needed: 0 unless the ball came to rest, s."""
+    resting: bool
+    bounces: int
+    """Those before the step included."""
+    exhausted: bool
+    """The sub-steps ran out."""
+
+
+@kernel
+def step(scene: Scene, p: Vec3, v: Vec3, contacts: FloatArray, log: FloatArray, bounces: int, clock: float) -> Moved:
+    """Move the ball by one dt: the seed's algorithm, with lasting contacts (``contacts`` is scratch).
+
+    Bounces are noted in ``log`` (K, 8) as far as it has rows: time, centre, normal, triangle.
+    """
+    a, held, h = scene.gravity, 0, scene.dt
+    for _ in range(MAX_SUB_STEPS):
+        net, span, stops = resist(v, a, rolling_resistance(contacts, held, scene.gravity), h)
+        if stops and span == 0.0:
+            return Moved(p, net, h, True, bounces, False)
+        average = along(v, 0.5 * span, net)
+        path = scale(average, span)
+        hit = sweep(scene, p, path)
+
+        p = along(p, hit.alpha, path)
+        h = (1.0 - hit.alpha) * span + (h - span)
+        end = along(v, hit.alpha * span, net)
+        if hit.index < 0:
+            if not stops:
+                return Moved(p, end, 0.0, False, bounces, False)
+            v = stop(v, end)
+            held = release(contacts, held, v)
+        else:
+            v, lasts = rebound(scene, hit, average, end, a, span)
+            if lasts:
+                held = hold(contacts, held, hit.normal, scene.rolling[scene.surface[hit.index]])
+                v = project(contacts, held, v)
+                held = release(contacts, held, v)
+            else:
+                held = 0
+                _note(log, bounces, clock + (scene.dt - h), p, hit.normal, hit.order)
+                bounces += 1
+        a = project(contacts, held, scene.gravity)
+    return Moved(p, _hemmed_in(scene, p, v, contacts), 0.0, False, bounces, True)
+
+
+@kernel
+def _note(log: FloatArray, row: int, time: float, p: Vec3, n: Vec3, triangle: int) -> None:
+    if row < len(log):
+        log[row, 0], log[row, 7] = time, triangle
+        log[row, 1], log[row, 2], log[row, 3] = p.x, p.y, p.z
+        log[row, 4], log[row, 5], log[row, 6] = n.x, n.y, n.z
+
+
+@kernel
+def _hemmed_in(scene: Scene, p: Vec3, v: Vec3, contacts: FloatArray) -> Vec3:
+    """Return the velocity that the contacts touching the ball leave it, found one by one."""
+    held = 0
+    for _ in range(MAX_CONTACTS):
+        hit = sweep(scene, p, scale(v, scene.dt))
+        if hit.alpha > 0.0:
+            break
+        held = hold(contacts, held, hit.normal, 0.0)
+        v = project(contacts, held, v)
+    return v
+
+
+@kernel
+def simulate(
+    scene: Scene, p: Vec3, v: Vec3, max_steps: int, contacts: FloatArray, path: FloatArray, log: FloatArray
+) -> tuple[Vec3, Vec3, int, int, float, int, int]:
+    """Run the ball until it rests, leaves the bounds, or ``max_steps`` are done.
+
+    Returns position, velocity, status, steps begun, time (s), bounces and exhausted steps. Positions after each step
+    are written to ``path`` as far as it has rows (row 0 is the start), bounces to ``log``.
+    """
+    _trace(path, 0, p)
+    bounces, exhausted = 0, 0
+    for k in range(max_steps):
+        ball = step(scene, p, v, contacts, log, bounces, k * scene.dt)
+        p, v, bounces = ball.p, ball.v, ball.bounces
+        exhausted += int(ball.exhausted)
+        _trace(path, k + 1, p)
+        if ball.resting:
+            return p, v, REST, k + 1, k * scene.dt + (scene.dt - ball.left), bounces, exhausted
+        if not _within(p, scene.lower, scene.upper):
+            return p, v, OUT_OF_BOUNDS, k + 1, (k + 1) * scene.dt, bounces, exhausted
+    return p, v, TIME_LIMIT, max_steps, max_steps * scene.dt, bounces, exhausted
+
+
+@kernel
+def _trace(path: FloatArray, row: int, p: Vec3) -> None:
+    if row < len(path):
+        path[row, 0], path[row, 1], path[row, 2] = p.x, p.y, p.z
+
+
+@kernel
+def _within(p: Vec3, lower: Vec3, upper: Vec3) -> bool:
+    return lower.x <= p.x <= upper.x and lower.y <= p.y <= upper.y and lower.z <= p.z <= upper.z
+
+
+@kernel
+def simulate_range(
+    first: int,
+    last: int,
+    scene: Scene,
+    max_steps: int,
+    positions: FloatArray,
+    velocities: FloatArray,
+    status: NDArray[np.int8],
+    times: FloatArray,
+    bounces: NDArray[np.int64],
+    exhausted: NDArray[np.int64],
+) -> None:
+    """Run balls first to last - 1 of a batch; positions and velocities (N, 3) are replaced by those at the end."""
+    contacts = no_contacts()
+    nothing = np.empty((0, 8))
+    for i in range(first, last):
+        p, v, status[i], _, times[i], bounces[i], exhausted[i] = simulate(
+            scene, vec3(positions[i]), vec3(velocities[i]), max_steps, contacts, nothing, nothing
+        )
+        positions[i, 0], positions[i, 1], positions[i, 2] = p.x, p.y, p.z
+        velocities[i, 0], velocities[i, 1], velocities[i, 2] = v.x, v.y, v.z
+
+
+@kernel
+def sweep_range(
+    first: int,
+    last: int,
+    scene: Scene,
+    starts: FloatArray,
+    paths: FloatArray,
+    alphas: FloatArray,
+    normals: FloatArray,
+    triangles: NDArray[np.int64],
+) -> None:
+    """Sweep balls first to last - 1 of a batch along paths (N, 3) and write alpha, normal and triangle."""
+    for i in range(first, last):
+        hit = sweep(scene, vec3(starts[i]), vec3(paths[i]))
+        alphas[i], triangles[i] = hit.alpha, hit.order
+        normals[i, 0], normals[i, 1], normals[i, 2] = hit.normal.x, hit.normal.y, hit.normal.z
+
+
+@kernel
+def clearance_range(
+    first: int, last: int, scene: Scene, positions: FloatArray, clearances: FloatArray, buried: NDArray[np.bool_]
+) -> None:
+    """Write the distance from the skin of balls first to last - 1 to the nearest triangle, and who is in a solid."""
+    for i in range(first, last):
+        p = vec3(positions[i])
+        clearances[i] = distance(scene, p) - scene.radius
+        buried[i] = is_buried(scene, p)

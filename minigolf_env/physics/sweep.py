@@ -1,0 +1,151 @@
+"""Queries on the whole scene: the first collision of a moving ball, the distance to the nearest triangle."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from minigolf_env.physics.bvh import nearest_leaf, next_leaf_on_path, next_leaf_within
+from minigolf_env.physics.kernel import kernel
+from minigolf_env.physics.swept_sphere import MISS, closest_point, sweep_triangle
+from minigolf_env.physics.types import FloatArray, Scene, Vec3
+from minigolf_env.physics.vec3 import add, along, dot, norm, scale, sub, vec3
+
+
+class Collision(NamedTuple):
+    """The first collision of a path in the kernels' terms."""
+
+    alpha: float
+    """Share of the path before it; ``MISS`` without one."""
+    normal: Vec3
+    """From the surface to the centre."""
+    index: int
+    """Row of the triangle in the scene; -1 without one."""
+    order: int
+    """The caller's number of the triangle, which settles ties."""
+
+
+@kernel
+def no_collision() -> Collision:
+    """Return the collision of a path that meets nothing."""
+    return Collision(MISS, Vec3(0.0, 0.0, 0.0), -1, -1)
+
+
+@kernel
+def earlier(new: Collision, old: Collision, w: Vec3) -> Collision:
+    """Return the collision that counts: the smaller alpha, then the steeper approach, then the lower triangle.
+
+    A total order, so that the answer does not depend on the order in which triangles are met.
+    """
+    if new.alpha != old.alpha:
+        return new if new.alpha < old.alpha else old
+    steeper = dot(w, old.normal) - dot(w, new.normal)
+    if steeper != 0.0:
+        return new if steeper > 0.0 else old
+    return new if new.order < old.order else old
+
+
+@kernel
+def sweep(scene: Scene, p: Vec3, w: Vec3) -> Collision:
+    """Return the first collision of the ball on its way from p to p + w."""
+    best = no_collision()
+    reach = scene.radius + scene.eps
+    leaf = next_leaf_on_path(scene.tree, 0, p, w, reach)
+    while leaf >= 0:
+        start = scene.tree.first[leaf]
+        for i in range(start, start + scene.tree.count[leaf]):
+            n = vec3(scene.normals[i])
+            alpha, normal = sweep_triangle(
+                p, w, scene.radius, scene.eps, scene.corners[i], n, scene.one_sided[i], best.alpha
+            )
+            if alpha < MISS:
+                best = earlier(Collision(alpha, normal, i, scene.triangle[i]), best, w)
+        leaf = next_leaf_on_path(scene.tree, scene.tree.skip[leaf], p, w, reach)
+    return best
+
+
+@kernel
+def sweep_scan(triangles: FloatArray, normals: FloatArray, p: Vec3, w: Vec3, radius: float, eps: float) -> Collision:
+    """Return the first collision with two-sided triangles (n, 3, 3), by looking at every one: the definition."""
+    best = no_collision()
+    for i in range(len(triangles)):
+        alpha, normal = sweep_triangle(p, w, radius, eps, triangles[i], vec3(normals[i]), False, best.alpha)
+        if alpha < MISS:
+            best = earlier(Collision(alpha, normal, i, i), best, w)
+    return best
+
+
+@kernel
+def offset(scene: Scene, i: int, p: Vec3) -> Vec3:
+    """Return the vector from p to the closest point of triangle i."""
+    corner_a, corner_b, corner_c = vec3(scene.corners[i, 0]), vec3(scene.corners[i, 1]), vec3(scene.corners[i, 2])
+    return closest_point(
+        sub(corner_a, p),
+        sub(corner_b, p),
+        sub(corner_c, p),
+        sub(corner_b, corner_a),
+        sub(corner_c, corner_b),
+        sub(corner_a, corner_c),
+        vec3(scene.normals[i]),
+    )
+
+
+@kernel
+def distance(scene: Scene, p: Vec3) -> float:
+    """Return the distance from the point p to the nearest triangle."""
+    best = _distance_in_leaf(scene, nearest_leaf(scene.tree, p), p)
+    leaf = next_leaf_within(scene.tree, 0, p, best)
+    while leaf >= 0:
+        best = min(best, _distance_in_leaf(scene, leaf, p))
+        leaf = next_leaf_within(scene.tree, scene.tree.skip[leaf], p, best)
+    return best
+
+
+@kernel
+def _distance_in_leaf(scene: Scene, leaf: int, p: Vec3) -> float:
+    best = np.inf
+    start = scene.tree.first[leaf]
+    for i in range(start, start + scene.tree.count[leaf]):
+        best = min(best, norm(offset(scene, i, p)))
+    return best
+
+
+@kernel
+def is_buried(scene: Scene, p: Vec3) -> bool:
+    """Return whether the point p lies inside a solid: behind the closest point of the closed meshes.
+
+    At an edge or a vertex the faces that meet there decide together, each weighted by its angle (J. A. Baerentzen and
+    H. Aanaes, "Signed distance computation using the angle weighted pseudonormal", 2005).
+    """
+    nearest = distance(scene, p) + scene.eps
+    pseudonormal, towards = Vec3(0.0, 0.0, 0.0), Vec3(0.0, 0.0, 0.0)
+    leaf = next_leaf_within(scene.tree, 0, p, nearest)
+    while leaf >= 0:
+        start = scene.tree.first[leaf]
+        for i in range(start, start + scene.tree.count[leaf]):
+            q = offset(scene, i, p)
+            n = vec3(scene.normals[i])
+            if norm(q) <= nearest and dot(n, n) > 0.0:
+                if not scene.one_sided[i]:
+                    return False
+                pseudonormal = along(pseudonormal, _angle(scene.corners[i], add(p, q), scene.eps), n)
+                towards = q
+        leaf = next_leaf_within(scene.tree, scene.tree.skip[leaf], p, nearest)
+    return dot(pseudonormal, towards) > 0.0
+
+
+@kernel
+def _angle(corners: FloatArray, q: Vec3, eps: float) -> float:
+    """Return the angle that a triangle fills around its point q: 2 pi inside, pi on an edge, its own at a corner."""
+    sides = 0.0
+    for k in range(3):
+        a, b, c = vec3(corners[k]), vec3(corners[(k + 1) % 3]), vec3(corners[(k + 2) % 3])
+        ab, ac, aq = sub(b, a), sub(c, a), sub(q, a)
+        if norm(aq) <= eps:
+            return math.acos(min(1.0, max(-1.0, dot(ab, ac) / (norm(ab) * norm(ac)))))
+        edge = dot(ab, ab)
+        if edge > 0.0 and norm(sub(aq, scale(ab, dot(aq, ab) / edge))) <= eps:
+            sides += 1.0
+    return math.pi if sides > 0.0 else 2.0 * math.pi

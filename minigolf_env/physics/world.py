@@ -1,0 +1,285 @@
+"""The door of the physics: a World checks what it is given once and runs the compiled kernels on it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import numba
+import numpy as np
+from numpy.typing import ArrayLike
+
+from minigolf_env.physics import simulate as kernels
+from minigolf_env.physics.bvh import build_tree
+from minigolf_env.physics.contact import no_contacts
+from minigolf_env.physics.kernel import announced_compilation
+from minigolf_env.physics.mesh import TriangleMesh, finite_array, positive_number
+from minigolf_env.physics.normals import face_normals
+from minigolf_env.physics.sweep import sweep, sweep_scan
+from minigolf_env.physics.types import IMPACT, TOLERANCE, FloatArray, Hit, Scene, Shot, Status, Vec3
+
+IMPACTS = ("average", "conservative")
+
+CHUNKS = 4
+"""Pieces of a batch for each thread: putts differ in length, so the threads share more pieces than they are."""
+
+NOTHING = np.empty((0, 8))
+
+
+def sweep_sphere(start: ArrayLike, end: ArrayLike, radius: float, triangles: ArrayLike) -> Hit:
+    """Return the first collision of a sphere moving from start to end with two-sided triangles, looking at each.
+
+    Args:
+        start: (3,) the centre at the start, m.
+        end: (3,) the centre at the end, m.
+        radius: > 0, m.
+        triangles: (n, 3, 3) corners, m.
+
+    Raises:
+        ValueError: wrong shapes, values that are not finite, radius <= 0.
+    """
+    radius = positive_number(radius, "radius", "give the sphere's radius in metres.")
+    p, q = _point(start, "start"), _point(end, "end")
+    corners = finite_array(triangles, (None, 3, 3), "triangles", "give three corners of x, y, z a triangle.")
+    scale = max(radius, *(float(np.abs(array).max(initial=0.0)) for array in (p, q, corners)))
+    with announced_compilation():
+        hit = sweep_scan(corners, face_normals(corners), Vec3(*p), Vec3(*(q - p)), radius, TOLERANCE * scale)
+    return Hit(hit.index >= 0, hit.alpha, np.array(hit.normal), hit.order)
+
+
+class World:
+    """A room of triangle meshes in which one ball moves, compiled once and immutable.
+
+    The time step is the seed's: the average velocity over the step, a straight path, the exact first collision, a damped
+    reflection, the rest of the step. Contacts too weak to bounce last: the ball slides or rolls, is braked, and rests.
+    After every step the ball's clearance to every triangle is >= -1e-12 times ``scale``, whatever the speed; every run
+    ends; results are the same bits whatever the batch and the number of threads.
+
+    Args:
+        meshes: one or more TriangleMesh.
+        ball_radius: > 0, m.
+        gravity: (3,) m/s^2.
+        dt: > 0, the time step, s.
+        impact: "average": the seed's response, with the average velocity over the path; "conservative": with the
+            velocity at the collision, corrected so that an impact keeps energy exactly.
+        bounds: (2, 3) lower and upper corner, m: a ball whose centre leaves them is out of bounds; None: no bounds.
+
+    Raises:
+        ValueError: no mesh, a number out of its range or not finite, an unknown ``impact``.
+    """
+
+    def __init__(
+        self,
+        meshes: Sequence[TriangleMesh],
+        ball_radius: float = 0.02135,
+        gravity: ArrayLike = (0.0, 0.0, -9.81),
+        dt: float = 1 / 120,
+        impact: str = "average",
+        bounds: ArrayLike | None = None,
+    ) -> None:
+        self.meshes = _checked_meshes(meshes)
+        self.ball_radius = positive_number(ball_radius, "ball_radius", "a golf ball has 0.02135 m.")
+        self.gravity = tuple(finite_array(gravity, (3,), "gravity", "the Earth's is (0, 0, -9.81) m/s^2.").tolist())
+        self.dt = positive_number(dt, "dt", "1/120 s suits minigolf.")
+        if impact not in IMPACTS:
+            raise ValueError(f"impact: expected one of {IMPACTS}, received {impact!r}.")
+        self.impact = impact
+        self.bounds = _checked_bounds(bounds)
+        corners = np.concatenate([mesh.triangles for mesh in self.meshes])
+        self.scale = max(self.ball_radius, float(np.abs(corners).max()))
+        if self.ball_radius <= 4.0 * TOLERANCE * self.scale:
+            raise ValueError(
+                f"ball_radius: expected more than {4.0 * TOLERANCE * self.scale:g} m in a scene with coordinates up to "
+                f"{self.scale:g} m, received {ball_radius!r}; float64 cannot tell such a ball from a point."
+            )
+        with announced_compilation():
+            self._scene = self._compile(corners)
+
+    def _compile(self, corners: FloatArray) -> Scene:
+        tree, order = build_tree(corners)
+        sizes = [len(mesh.faces) for mesh in self.meshes]
+        surfaces = [mesh.surface for mesh in self.meshes]
+        return Scene(
+            corners=corners[order],
+            normals=face_normals(corners)[order],
+            one_sided=np.repeat([not mesh.two_sided for mesh in self.meshes], sizes)[order],
+            triangle=order,
+            surface=np.repeat(np.arange(len(sizes), dtype=np.int32), sizes)[order],
+            restitution=np.array([surface.normal_share for surface in surfaces]),
+            tangential=np.array([surface.tangential_share for surface in surfaces]),
+            rolling=np.array([surface.rolling for surface in surfaces], dtype=np.float64),
+            tree=tree,
+            radius=self.ball_radius,
+            eps=TOLERANCE * self.scale,
+            gravity=Vec3(*self.gravity),
+            dt=self.dt,
+            conservative=self.impact == "conservative",
+            lower=Vec3(*self.bounds[0].tolist()),
+            upper=Vec3(*self.bounds[1].tolist()),
+        )
+
+    def sweep(self, start: ArrayLike, end: ArrayLike) -> Hit:
+        """Return the first collision of the ball on its way from start (3,) to end (3,), m.
+
+        Raises:
+            ValueError: wrong shapes or values that are not finite.
+        """
+        p, q = _point(start, "start"), _point(end, "end")
+        with announced_compilation():
+            hit = sweep(self._scene, Vec3(*p), Vec3(*(q - p)))
+        return Hit(hit.index >= 0, hit.alpha, np.array(hit.normal), hit.order)
+
+    def sweep_batch(self, starts: ArrayLike, ends: ArrayLike) -> Hit:
+        """Return the first collisions from starts (N, 3) to ends (N, 3), m: arrays, bit-equal to N calls of sweep.
+
+        Raises:
+            ValueError: wrong or different shapes, or values that are not finite.
+        """
+        p, q = _same_length(_points(starts, "starts"), _points(ends, "ends"), "starts", "ends")
+        n = len(p)
+        alphas, normals, triangles = np.empty(n), np.empty((n, 3)), np.empty(n, np.int64)
+        _in_parallel(kernels.sweep_range, n, self._scene, p, q - p, alphas, normals, triangles)
+        return Hit(triangles >= 0, alphas, normals, triangles)  # type: ignore[arg-type]
+
+    def step(self, position: ArrayLike, velocity: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Return position (3,) and velocity (3,) one dt later.
+
+        Raises:
+            ValueError: wrong shapes, values that are not finite, or a ball that intersects a mesh.
+        """
+        p, v = self._free(_point(position, "position")), _point(velocity, "velocity")
+        with announced_compilation():
+            moved = kernels.step(self._scene, Vec3(*p), Vec3(*v), no_contacts(), NOTHING, 0, 0.0)
+        return np.array(moved.p), np.array(moved.v)
+
+    def simulate(
+        self, position: ArrayLike, velocity: ArrayLike, max_time: float = 30.0, record: bool = False
+    ) -> Shot:
+        """Run the ball until it rests, leaves the bounds, or ``max_time`` (s) is over.
+
+        The result is bit-equal to calling ``step`` again and again. With ``record`` it holds path, times and contacts.
+
+        Raises:
+            ValueError: wrong shapes, values that are not finite, or a ball that intersects a mesh.
+        """
+        p, v = self._free(_point(position, "position")), _point(velocity, "velocity")
+        steps = self._steps(max_time)
+        run, scratch = (self._scene, Vec3(*p), Vec3(*v), steps), no_contacts()
+        with announced_compilation():
+            end, speed, status, begun, time, bounces, exhausted = kernels.simulate(*run, scratch, NOTHING, NOTHING)
+            shot = Shot(np.array(end), np.array(speed), Status(status), time, bounces, exhausted)
+            if not record:
+                return shot
+            # Runs are deterministic: now that the size of the record is known, the same run fills it.
+            path, log = np.empty((begun + 1, 3)), np.empty((bounces, 8))
+            kernels.simulate(*run, scratch, path, log)
+        times = np.append(np.arange(begun) * self.dt, time)
+        contacts = np.empty(bounces, IMPACT)
+        contacts["time"], contacts["position"] = log[:, 0], log[:, 1:4]
+        contacts["normal"], contacts["triangle"] = log[:, 4:7], log[:, 7]
+        return shot._replace(path=path, times=times, contacts=contacts)
+
+    def simulate_batch(self, positions: ArrayLike, velocities: ArrayLike, max_time: float = 30.0) -> Shot:
+        """Run N balls, each alone in the world, from positions (N, 3) with velocities (N, 3), on all numba threads.
+
+        Returns a Shot of arrays, bit-equal to N calls of ``simulate`` whatever the number of threads.
+
+        Raises:
+            ValueError: wrong or different shapes, values that are not finite, or a ball that intersects a mesh.
+        """
+        p, v = _same_length(_points(positions, "positions"), _points(velocities, "velocities"), "positions", "velocities")
+        self._free(p)
+        n = len(p)
+        status, times = np.empty(n, np.int8), np.empty(n)
+        bounces, exhausted = np.empty(n, np.int64), np.empty(n, np.int64)
+        steps = self._steps(max_time)
+        _in_parallel(kernels.simulate_range, n, self._scene, steps, p, v, status, times, bounces, exhausted)
+        return Shot(p, v, status, times, bounces, exhausted)  # type: ignore[arg-type]
+
+    def clearance(self, position: ArrayLike) -> Any:
+        """Return the distance from the ball's skin to the nearest triangle, m; negative where they intersect.
+
+        Args:
+            position: (3,) the ball's centre, or (N, 3) for N distances.
+
+        Raises:
+            ValueError: wrong shape or values that are not finite.
+        """
+        several = np.ndim(position) == 2
+        p = _points(position, "position") if several else _point(position, "position")[None]
+        clearances, _ = self._clearances(p)
+        return clearances if several else float(clearances[0])
+
+    def _clearances(self, p: FloatArray) -> tuple[FloatArray, Any]:
+        clearances, buried = np.empty(len(p)), np.empty(len(p), np.bool_)
+        _in_parallel(kernels.clearance_range, len(p), self._scene, p, clearances, buried)
+        return clearances, buried
+
+    def _free(self, p: FloatArray) -> FloatArray:
+        """Return centres (3,) or (N, 3) unchanged, or raise a ValueError for the first ball that is not in free space."""
+        centres = p.reshape(-1, 3)
+        clearances, buried = self._clearances(centres)
+        wrong = buried | (clearances < -2.0 * TOLERANCE * np.maximum(self.scale, np.abs(centres).max(axis=1, initial=0.0)))
+        if wrong.any():
+            i = int(wrong.argmax())
+            fault = "inside a solid" if buried[i] else f"{-clearances[i]:.3g} m deep in a surface"
+            raise ValueError(
+                f"position{'' if p.ndim == 1 else f' {i}'}: expected a ball in free space, received {centres[i].tolist()}, "
+                f"{fault}; the centre must be at least {self.ball_radius:g} m from every triangle, in front of it."
+            )
+        return p
+
+    def _steps(self, max_time: float) -> int:
+        limit = positive_number(max_time, "max_time", "give the longest time to simulate in seconds.")
+        return max(1, math.ceil(limit / self.dt - 1e-9))
+
+
+def _in_parallel(run: Callable[..., None], n: int, *arguments: Any) -> None:
+    """Call run(first, last, *arguments) on pieces of range(n), on as many threads as numba is set to use.
+
+    Plain threads, because the kernels release the GIL: no threading layer that a fork breaks, no second compilation.
+    """
+    with announced_compilation():
+        threads = min(numba.get_num_threads(), n)
+        if threads <= 1:
+            return run(0, n, *arguments)
+        ends = np.linspace(0, n, min(n, CHUNKS * threads) + 1).astype(int).tolist()
+        with ThreadPoolExecutor(threads) as pool:
+            for done in [pool.submit(run, a, b, *arguments) for a, b in zip(ends[:-1], ends[1:], strict=True)]:
+                done.result()
+    return None
+
+
+def _point(value: ArrayLike, what: str) -> FloatArray:
+    return finite_array(value, (3,), what, "give x, y, z.")
+
+
+def _points(value: ArrayLike, what: str) -> FloatArray:
+    return finite_array(value, (None, 3), what, "give one row of x, y, z a ball.")
+
+
+def _same_length(a: FloatArray, b: FloatArray, what_a: str, what_b: str) -> tuple[FloatArray, FloatArray]:
+    if len(a) != len(b):
+        raise ValueError(f"{what_b}: expected as many rows as {what_a}, {len(a)}, received {len(b)}.")
+    return a, b
+
+
+def _checked_meshes(meshes: Sequence[TriangleMesh]) -> tuple[TriangleMesh, ...]:
+    if isinstance(meshes, TriangleMesh):
+        raise ValueError("meshes: expected a list of TriangleMesh, received one TriangleMesh; write World([mesh]).")
+    checked = tuple(meshes)
+    if not checked or not all(isinstance(mesh, TriangleMesh) for mesh in checked):
+        received = [type(mesh).__name__ for mesh in checked]
+        raise ValueError(f"meshes: expected at least one TriangleMesh, received {received}.")
+    return checked
+
+
+def _checked_bounds(bounds: ArrayLike | None) -> FloatArray:
+    if bounds is None:
+        return np.array([[-np.inf] * 3, [np.inf] * 3])
+    checked = finite_array(bounds, (2, 3), "bounds", "give the lower and the upper corner.")
+    if not (checked[0] < checked[1]).all():
+        raise ValueError(f"bounds: expected lower < upper, received {checked.tolist()}; give the lower corner first.")
+    return checked
