@@ -110,7 +110,7 @@ def _cost(inside: NDArray[np.int64], boxes: FloatArray) -> float:
     x = boxes[:, 3].max() - boxes[:, 0].min()
     y = boxes[:, 4].max() - boxes[:, 1].min()
     z = boxes[:, 5].max() - boxes[:, 2].min()
-    return inside.sum() * (x * y + y * z + z * x)
+    return float(inside.sum() * (x * y + y * z + z * x))
 
 
 @kernel
@@ -135,7 +135,7 @@ def next_leaf_on_path(tree: Tree, node: int, p: Vec3, w: Vec3, reach: float) -> 
             or abs(x * hy - y * hx) > ex * ay + ey * ax
         ):
             node = tree.skip[node]
-        elif tree.count[node] > 0:
+        elif tree.size[node] > 0:
             return node
         else:
             node += 1
@@ -148,7 +148,7 @@ def next_leaf_within(tree: Tree, node: int, p: Vec3, reach: float) -> int:
     while node < len(tree.skip):
         if distance_to_box(tree, node, p) > reach:
             node = tree.skip[node]
-        elif tree.count[node] > 0:
+        elif tree.size[node] > 0:
             return node
         else:
             node += 1
@@ -159,7 +159,7 @@ def next_leaf_within(tree: Tree, node: int, p: Vec3, reach: float) -> int:
 def nearest_leaf(tree: Tree, p: Vec3) -> int:
     """Return a leaf near the point p, by always going into the nearer child: a first guess, not the nearest."""
     node = 0
-    while tree.count[node] == 0:
+    while tree.size[node] == 0:
         other = tree.skip[node + 1]
         node = node + 1 if distance_to_box(tree, node + 1, p) <= distance_to_box(tree, other, p) else other
     return node

@@ -21,8 +21,8 @@ MAX_CONTACTS = 8
 GRAZE = 1e-10
 """Relative speed normal to a surface below which a ball neither bounces off it nor has left it."""
 
-ROUNDING = 2.0**-50
-"""Normal speed of a projected vector, as a share of its length, that is rounding: a few units in the last place."""
+ROUNDING = 2.0**-48
+"""Normal speed of a projected vector, as a share of its length, that is rounding: some units in the last place."""
 
 
 @kernel
@@ -33,7 +33,7 @@ def no_contacts() -> FloatArray:
 
 @kernel
 def hold(contacts: FloatArray, held: int, n: Vec3, rolling: float) -> int:
-    """Add a lasting contact; return how many there are. One with the same normal, or the closest of a full set, goes."""
+    """Add a lasting contact, in place of one with the same normal or the closest of a full set; return their number."""
     row, closest = held, -1.0
     for i in range(held):
         likeness = dot(vec3(contacts[i]), n)
@@ -72,16 +72,23 @@ def project(contacts: FloatArray, held: int, x: Vec3) -> Vec3:
     best = Vec3(0.0, 0.0, 0.0)
     for i in range(held):
         for j in range(i):
-            n = vec3(contacts[i])
-            crease = cross(n, vec3(contacts[j]))
-            # Nearly equal normals leave a crease that is hardly perpendicular to them: make it so.
-            crease = along(crease, -dot(crease, n), n)
-            if norm(crease) > 0.0:
-                crease = scale(crease, 1.0 / norm(crease))
-                y = scale(crease, dot(x, crease))
-                if norm(y) > norm(best) and _in_cone(contacts, held, y, i, j, slack):
-                    best = y  # Of the vectors in the cone's creases the longest is the closest to x.
+            crease = _crease(vec3(contacts[i]), vec3(contacts[j]))
+            y = scale(crease, dot(x, crease))
+            if norm(y) > norm(best) and _in_cone(contacts, held, y, i, j, slack):
+                best = y  # Of the vectors in the cone's creases the longest is the closest to x.
     return best
+
+
+@kernel
+def _crease(n: Vec3, m: Vec3) -> Vec3:
+    """Return the unit vector along which two planes meet, perpendicular to both normals to rounding; zero if parallel.
+
+    Taking m's part across n first keeps that true for planes that are nearly parallel, where n x m itself is not.
+    """
+    across = along(m, -dot(m, n), n)
+    if norm(across) == 0.0:
+        return across
+    return cross(n, scale(across, 1.0 / norm(across)))
 
 
 @kernel
@@ -138,7 +145,7 @@ def rebound(scene: Scene, hit: Collision, w: Vec3, v: Vec3, a: Vec3, span: float
     at the collision and ``a`` the acceleration on the way, which the conservative response uses: its approach speed
     makes up for the height between the straight path and the parabola, so that the impact keeps energy exactly.
     """
-    surface, n = scene.surface[hit.index], hit.normal
+    surface, n = scene.surface[hit.row], hit.normal
     restitution, tangential = scene.restitution[surface], scene.tangential[surface]
     incoming, approach = w, -dot(w, n)
     if scene.conservative:

@@ -6,7 +6,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import numba
 
@@ -23,14 +23,13 @@ def kernel(function: Function) -> Function:
 
     ``fastmath`` stays off (the same bits everywhere) and division follows numpy (a sliver may divide by zero).
     """
-    compiled: Function = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=False)(function)
-    return compiled
+    return cast(Function, numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=False)(function))
 
 
 @contextmanager
 def announced_compilation() -> Iterator[None]:
     """Say on stderr that kernels are being compiled if the first use in a process takes longer than ``PATIENCE``."""
-    global _ready  # noqa: PLW0603
+    global _ready
     if _ready:
         yield
         return

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from minigolf_env.physics.checks import finite_array
 from minigolf_env.physics.types import FloatArray, Surface
 
 LARGEST = 1e9
@@ -75,29 +74,6 @@ class TriangleMesh:
         return f"TriangleMesh({self.name!r}, {len(self.vertices)} vertices, {len(self.faces)} faces, {sides})"
 
 
-def finite_array(value: ArrayLike, shape: tuple[int | None, ...], what: str, remedy: str) -> FloatArray:
-    """Return a new float64 array of the given shape (None: any length), or raise a ValueError that says all about it."""
-    wanted = "(" + ", ".join("N" if n is None else str(n) for n in shape) + ("," if len(shape) == 1 else "") + ")"
-    try:
-        array = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise ValueError(f"{what}: expected numbers of shape {wanted}, received {value!r:.80}; {remedy}") from error
-    if array.ndim != len(shape) or any(n is not None and n != m for n, m in zip(shape, array.shape, strict=True)):
-        raise ValueError(f"{what}: expected shape {wanted}, received {array.shape}; {remedy}")
-    if not np.isfinite(array).all():
-        where = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
-        raise ValueError(f"{what}: expected finite numbers, received {array[where]} at index {where}; {remedy}")
-    return array
-
-
-def positive_number(value: float, what: str, remedy: str) -> float:
-    """Return a finite float > 0, or raise a ValueError that says what was received."""
-    number = float(finite_array(value, (), what, remedy))
-    if not (number > 0.0 and math.isfinite(number)):
-        raise ValueError(f"{what}: expected a number > 0, received {value!r}; {remedy}")
-    return number
-
-
 def _checked_vertices(vertices: ArrayLike, name: str) -> FloatArray:
     array = finite_array(vertices, (None, 3), f"{name}: vertices", "give one row of x, y, z in metres a vertex.")
     if np.abs(array).max(initial=0.0) > LARGEST:
@@ -121,8 +97,8 @@ def _checked_faces(faces: ArrayLike, vertices: int, name: str) -> NDArray[np.int
     if raw.min() < 0 or raw.max() >= vertices:
         face = int(np.argwhere((raw < 0) | (raw >= vertices))[0, 0])
         raise ValueError(
-            f"{name}: faces: expected vertex numbers 0 to {vertices - 1}, received {raw[face].tolist()} in face {face}; "
-            "vertices are counted from 0."
+            f"{name}: faces: expected vertex numbers 0 to {vertices - 1}, received {raw[face].tolist()} in face {face}"
+            "; vertices are counted from 0."
         )
     array = raw.astype(np.int64)
     array.flags.writeable = False

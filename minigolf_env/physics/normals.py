@@ -17,7 +17,7 @@ FLAT = 1e-25
 
 
 def face_normals(triangles: FloatArray) -> FloatArray:
-    """Return the unit normals (n, 3) of triangles (n, 3, 3), by the right-hand rule; zeros for triangles without area."""
+    """Return the unit normals (n, 3) of triangles (n, 3, 3) by the right-hand rule; zeros where there is no area."""
     a, b, c = triangles[:, 0], triangles[:, 1], triangles[:, 2]
     e, e_rest = _exact_difference(b, a)
     f, f_rest = _exact_difference(c, a)

@@ -21,7 +21,7 @@ from minigolf_env.physics.contact import (
 from minigolf_env.physics.kernel import kernel
 from minigolf_env.physics.sweep import distance, is_buried, sweep
 from minigolf_env.physics.types import FloatArray, Scene, Status, Vec3
-from minigolf_env.physics.vec3 import along, scale, vec3
+from minigolf_env.physics.vec3 import along, dot, scale, vec3
 
 MAX_SUB_STEPS = 64
 """Pieces of one time step, nearly always 1 to 6: the guarantee that every step ends."""
@@ -61,7 +61,7 @@ def step(scene: Scene, p: Vec3, v: Vec3, contacts: FloatArray, log: FloatArray, 
         p = along(p, hit.alpha, path)
         h = (1.0 - hit.alpha) * span + (h - span)
         end = along(v, hit.alpha * span, net)
-        if hit.index < 0:
+        if hit.row < 0:
             if not stops:
                 return Moved(p, end, 0.0, False, bounces, False)
             v = stop(v, end)
@@ -69,7 +69,9 @@ def step(scene: Scene, p: Vec3, v: Vec3, contacts: FloatArray, log: FloatArray, 
         else:
             v, lasts = rebound(scene, hit, average, end, a, span)
             if lasts:
-                held = hold(contacts, held, hit.normal, scene.rolling[scene.surface[hit.index]])
+                held = hold(contacts, held, hit.normal, scene.rolling[scene.surface[hit.row]])
+                if dot(v, hit.normal) > 0.0:  # It would rise and be back within the step: it neither sinks nor leaves.
+                    held = hold(contacts, held, scale(hit.normal, -1.0), 0.0)
                 v = project(contacts, held, v)
                 held = release(contacts, held, v)
             else:

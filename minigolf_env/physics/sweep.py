@@ -21,7 +21,7 @@ class Collision(NamedTuple):
     """Share of the path before it; ``MISS`` without one."""
     normal: Vec3
     """From the surface to the centre."""
-    index: int
+    row: int
     """Row of the triangle in the scene; -1 without one."""
     order: int
     """The caller's number of the triangle, which settles ties."""
@@ -55,7 +55,7 @@ def sweep(scene: Scene, p: Vec3, w: Vec3) -> Collision:
     leaf = next_leaf_on_path(scene.tree, 0, p, w, reach)
     while leaf >= 0:
         start = scene.tree.first[leaf]
-        for i in range(start, start + scene.tree.count[leaf]):
+        for i in range(start, start + scene.tree.size[leaf]):
             n = vec3(scene.normals[i])
             alpha, normal = sweep_triangle(
                 p, w, scene.radius, scene.eps, scene.corners[i], n, scene.one_sided[i], best.alpha
@@ -107,7 +107,7 @@ def distance(scene: Scene, p: Vec3) -> float:
 def _distance_in_leaf(scene: Scene, leaf: int, p: Vec3) -> float:
     best = np.inf
     start = scene.tree.first[leaf]
-    for i in range(start, start + scene.tree.count[leaf]):
+    for i in range(start, start + scene.tree.size[leaf]):
         best = min(best, norm(offset(scene, i, p)))
     return best
 
@@ -124,7 +124,7 @@ def is_buried(scene: Scene, p: Vec3) -> bool:
     leaf = next_leaf_within(scene.tree, 0, p, nearest)
     while leaf >= 0:
         start = scene.tree.first[leaf]
-        for i in range(start, start + scene.tree.count[leaf]):
+        for i in range(start, start + scene.tree.size[leaf]):
             q = offset(scene, i, p)
             n = vec3(scene.normals[i])
             if norm(q) <= nearest and dot(n, n) > 0.0:

@@ -16,8 +16,8 @@ from minigolf_env.physics.vec3 import along, cross, dot, norm, scale, sub, vec3
 MISS = 1.0
 """The share of the path of a sphere that meets nothing."""
 
-PARALLEL = 2.0**-49
-"""An approach slower than this share of the speed is rounding (a few units in the last place), not an approach."""
+PARALLEL = 2.0**-47
+"""An approach slower than this share of the speed is rounding (some units in the last place), not an approach."""
 
 MAX_NEWTON = 64
 """Iterations; 1.15 on average and 11 at most were ever seen. Stopping early is early, never late."""

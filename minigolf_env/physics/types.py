@@ -123,7 +123,7 @@ IMPACT = np.dtype([("time", "f8"), ("position", "f8", 3), ("normal", "f8", 3), (
 
 
 class Tree(NamedTuple):
-    """A bounding volume hierarchy in depth-first order: a node's first child follows it, ``skip`` follows its subtree."""
+    """A bounding volume hierarchy in depth-first order: a node's first child follows it."""
 
     box: FloatArray
     """(M, 6) each node's centre and half extents, m."""
@@ -131,7 +131,7 @@ class Tree(NamedTuple):
     """(M,) the node after this one's subtree."""
     first: NDArray[np.int32]
     """(M,) a leaf's first triangle; -1 for an inner node."""
-    count: NDArray[np.int32]
+    size: NDArray[np.int32]
     """(M,) a leaf's number of triangles; 0 for an inner node."""
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
 from typing import Any
 
 import numba
@@ -13,9 +14,10 @@ from numpy.typing import ArrayLike
 
 from minigolf_env.physics import simulate as kernels
 from minigolf_env.physics.bvh import build_tree
+from minigolf_env.physics.checks import finite_array, positive_number
 from minigolf_env.physics.contact import no_contacts
 from minigolf_env.physics.kernel import announced_compilation
-from minigolf_env.physics.mesh import TriangleMesh, finite_array, positive_number
+from minigolf_env.physics.mesh import TriangleMesh
 from minigolf_env.physics.normals import face_normals
 from minigolf_env.physics.sweep import sweep, sweep_scan
 from minigolf_env.physics.types import IMPACT, TOLERANCE, FloatArray, Hit, Scene, Shot, Status, Vec3
@@ -46,16 +48,16 @@ def sweep_sphere(start: ArrayLike, end: ArrayLike, radius: float, triangles: Arr
     scale = max(radius, *(float(np.abs(array).max(initial=0.0)) for array in (p, q, corners)))
     with announced_compilation():
         hit = sweep_scan(corners, face_normals(corners), Vec3(*p), Vec3(*(q - p)), radius, TOLERANCE * scale)
-    return Hit(hit.index >= 0, hit.alpha, np.array(hit.normal), hit.order)
+    return Hit(hit.row >= 0, hit.alpha, np.array(hit.normal), hit.order)
 
 
 class World:
     """A room of triangle meshes in which one ball moves, compiled once and immutable.
 
-    The time step is the seed's: the average velocity over the step, a straight path, the exact first collision, a damped
-    reflection, the rest of the step. Contacts too weak to bounce last: the ball slides or rolls, is braked, and rests.
-    After every step the ball's clearance to every triangle is >= -1e-12 times ``scale``, whatever the speed; every run
-    ends; results are the same bits whatever the batch and the number of threads.
+    The time step is the seed's: the average velocity over the step, a straight path, the exact first collision, a
+    damped reflection, the rest of the step. Contacts too weak to bounce last: the ball slides or rolls, is braked, and
+    rests. After every step the ball's clearance to every triangle is >= -1e-12 times ``scale``, the largest coordinate,
+    whatever the speed. Every run ends. Results are the same bits whatever the batch and the number of threads.
 
     Args:
         meshes: one or more TriangleMesh.
@@ -129,7 +131,7 @@ class World:
         p, q = _point(start, "start"), _point(end, "end")
         with announced_compilation():
             hit = sweep(self._scene, Vec3(*p), Vec3(*(q - p)))
-        return Hit(hit.index >= 0, hit.alpha, np.array(hit.normal), hit.order)
+        return Hit(hit.row >= 0, hit.alpha, np.array(hit.normal), hit.order)
 
     def sweep_batch(self, starts: ArrayLike, ends: ArrayLike) -> Hit:
         """Return the first collisions from starts (N, 3) to ends (N, 3), m: arrays, bit-equal to N calls of sweep.
@@ -149,14 +151,12 @@ class World:
         Raises:
             ValueError: wrong shapes, values that are not finite, or a ball that intersects a mesh.
         """
-        p, v = self._free(_point(position, "position")), _point(velocity, "velocity")
+        p, v = self.require_free(_point(position, "position")), _point(velocity, "velocity")
         with announced_compilation():
             moved = kernels.step(self._scene, Vec3(*p), Vec3(*v), no_contacts(), NOTHING, 0, 0.0)
         return np.array(moved.p), np.array(moved.v)
 
-    def simulate(
-        self, position: ArrayLike, velocity: ArrayLike, max_time: float = 30.0, record: bool = False
-    ) -> Shot:
+    def simulate(self, position: ArrayLike, velocity: ArrayLike, max_time: float = 30.0, record: bool = False) -> Shot:
         """Run the ball until it rests, leaves the bounds, or ``max_time`` (s) is over.
 
         The result is bit-equal to calling ``step`` again and again. With ``record`` it holds path, times and contacts.
@@ -164,7 +164,7 @@ class World:
         Raises:
             ValueError: wrong shapes, values that are not finite, or a ball that intersects a mesh.
         """
-        p, v = self._free(_point(position, "position")), _point(velocity, "velocity")
+        p, v = self.require_free(_point(position, "position")), _point(velocity, "velocity")
         steps = self._steps(max_time)
         run, scratch = (self._scene, Vec3(*p), Vec3(*v), steps), no_contacts()
         with announced_compilation():
@@ -189,8 +189,10 @@ class World:
         Raises:
             ValueError: wrong or different shapes, values that are not finite, or a ball that intersects a mesh.
         """
-        p, v = _same_length(_points(positions, "positions"), _points(velocities, "velocities"), "positions", "velocities")
-        self._free(p)
+        p, v = _same_length(
+            _points(positions, "positions"), _points(velocities, "velocities"), "positions", "velocities"
+        )
+        self.require_free(p)
         n = len(p)
         status, times = np.empty(n, np.int8), np.empty(n)
         bounces, exhausted = np.empty(n, np.int64), np.empty(n, np.int64)
@@ -217,17 +219,24 @@ class World:
         _in_parallel(kernels.clearance_range, len(p), self._scene, p, clearances, buried)
         return clearances, buried
 
-    def _free(self, p: FloatArray) -> FloatArray:
-        """Return centres (3,) or (N, 3) unchanged, or raise a ValueError for the first ball that is not in free space."""
+    def require_free(self, position: ArrayLike) -> FloatArray:
+        """Return centres (3,) or (N, 3) as an array if every ball is in free space.
+
+        Raises:
+            ValueError: a ball intersects a mesh or lies inside a solid, a wrong shape or values that are not finite.
+        """
+        p = _points(position, "position") if np.ndim(position) == 2 else _point(position, "position")
         centres = p.reshape(-1, 3)
         clearances, buried = self._clearances(centres)
-        wrong = buried | (clearances < -2.0 * TOLERANCE * np.maximum(self.scale, np.abs(centres).max(axis=1, initial=0.0)))
+        scale = np.maximum(self.scale, np.abs(centres).max(axis=1, initial=0.0))
+        wrong = buried | (clearances < -2.0 * TOLERANCE * scale)
         if wrong.any():
             i = int(wrong.argmax())
             fault = "inside a solid" if buried[i] else f"{-clearances[i]:.3g} m deep in a surface"
+            which = "position" if p.ndim == 1 else f"position {i}"
             raise ValueError(
-                f"position{'' if p.ndim == 1 else f' {i}'}: expected a ball in free space, received {centres[i].tolist()}, "
-                f"{fault}; the centre must be at least {self.ball_radius:g} m from every triangle, in front of it."
+                f"{which}: expected a ball in free space, received {centres[i].tolist()}, {fault}; "
+                f"its centre must be at least {self.ball_radius:g} m from every triangle, in front of it."
             )
         return p
 
@@ -247,7 +256,7 @@ def _in_parallel(run: Callable[..., None], n: int, *arguments: Any) -> None:
             return run(0, n, *arguments)
         ends = np.linspace(0, n, min(n, CHUNKS * threads) + 1).astype(int).tolist()
         with ThreadPoolExecutor(threads) as pool:
-            for done in [pool.submit(run, a, b, *arguments) for a, b in zip(ends[:-1], ends[1:], strict=True)]:
+            for done in [pool.submit(run, a, b, *arguments) for a, b in pairwise(ends)]:
                 done.result()
     return None
 

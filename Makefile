@@ -1,0 +1,45 @@
+# Everything a contributor runs. `make` alone lists the commands.
+# ARGS passes options on: make train ARGS="--help", make test ARGS="-k mesh -x".
+
+PYTHON ?= python3
+VENV ?= .venv
+# Test processes; 0 runs the tests in one (for a debugger: make test WORKERS=0 ARGS="--pdb").
+WORKERS ?= 2
+ARGS ?=
+
+BIN := $(VENV)/bin
+INSTALLED := $(VENV)/.installed
+
+.DEFAULT_GOAL := help
+.PHONY: help train test lint check format clean
+
+help: ## list the commands
+	@awk -F ':.*## ' '/^[a-z]+:.*## /{printf "make %-8s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+
+train: $(INSTALLED) ## train the PPO sample agent
+	$(BIN)/python -m agents.train_ppo $(ARGS)
+
+test: $(INSTALLED) ## run the tests
+	$(BIN)/python -m pytest -n $(WORKERS) $(ARGS)
+
+lint: $(INSTALLED) ## check style, types and import rules
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/mypy
+	$(BIN)/lint-imports --no-logo
+
+check: lint test ## lint, then test
+
+format: $(INSTALLED) ## mend style and formatting
+	$(BIN)/ruff check --fix
+	$(BIN)/ruff format
+
+clean: ## remove the environment, caches and build products
+	rm -rf $(VENV) build dist *.egg-info .*_cache .hypothesis
+	find minigolf_env agents tests -name __pycache__ -prune -exec rm -rf {} +
+
+# The stamp makes a second run install nothing; a changed requirement or pin installs again.
+$(INSTALLED): pyproject.toml constraints.txt
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --constraint constraints.txt --editable ".[agents,dev]"
+	touch $@

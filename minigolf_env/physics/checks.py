@@ -1,0 +1,31 @@
+"""Checks at the doors: what came in is cast once, or refused with what, expected, received and remedy."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from minigolf_env.physics.types import FloatArray
+
+
+def finite_array(value: ArrayLike, shape: tuple[int | None, ...], what: str, remedy: str) -> FloatArray:
+    """Return a new float64 array of the given shape (None: any length), or raise a ValueError that says all."""
+    wanted = "(" + ", ".join("N" if n is None else str(n) for n in shape) + ("," if len(shape) == 1 else "") + ")"
+    try:
+        array = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{what}: expected numbers of shape {wanted}, received {value!r:.80}; {remedy}") from error
+    if array.ndim != len(shape) or any(n is not None and n != m for n, m in zip(shape, array.shape, strict=True)):
+        raise ValueError(f"{what}: expected shape {wanted}, received {array.shape}; {remedy}")
+    if not np.isfinite(array).all():
+        where = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
+        raise ValueError(f"{what}: expected finite numbers, received {array[where]} at index {where}; {remedy}")
+    return array
+
+
+def positive_number(value: float, what: str, remedy: str) -> float:
+    """Return a finite float > 0, or raise a ValueError that says what was received."""
+    number = float(finite_array(value, (), what, remedy))
+    if not number > 0.0:
+        raise ValueError(f"{what}: expected a number > 0, received {value!r}; {remedy}")
+    return number

@@ -1,0 +1,61 @@
+"""The house: what is installed, what may import what, and what an import costs."""
+
+import importlib.metadata
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
+
+import minigolf_env
+
+ROOT = Path(__file__).parents[1]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+GROUPS = [PROJECT["dependencies"], *PROJECT["optional-dependencies"].values()]
+REQUIREMENTS = [Requirement(line) for group in GROUPS for line in group]
+
+LAZY = ("OpenGL", "pyglet", "shapely", "stable_baselines3", "torch", "trimesh")
+
+
+def read_pins() -> dict[str, str]:
+    """Return the version that constraints.txt pins for each package, by canonical name."""
+    lines = (ROOT / "constraints.txt").read_text().splitlines()
+    pins = [line.split("==") for line in lines if line and not line.startswith("#")]
+    return {canonicalize_name(name): version for name, version in pins}
+
+
+@pytest.mark.parametrize("requirement", REQUIREMENTS, ids=str)
+def test_every_requirement_is_pinned_to_a_version_it_allows(requirement: Requirement) -> None:
+    """constraints.txt has a pin for each dependency, inside the bounds of pyproject.toml."""
+    pin = read_pins().get(canonicalize_name(requirement.name))
+    assert pin is not None, f"{requirement.name} has no pin: refresh constraints.txt as its first lines say"
+    assert requirement.specifier.contains(pin), f"constraints.txt pins {pin}, pyproject.toml asks for {requirement}"
+
+
+def test_import_rules_hold() -> None:
+    """The contracts in pyproject.toml are kept."""
+    command = [str(Path(sys.executable).with_name("lint-imports")), "--no-cache", "--no-logo"]
+    result = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert result.returncode == 0, result.stdout + result.stderr
+
+
+def test_importing_the_package_stays_light() -> None:
+    """Libraries for drawing, learning and mesh files load when they are used, not at import."""
+    code = f"import sys, minigolf_env; print(*sorted(set({LAZY}) & set(sys.modules)))"
+    result = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert result.stdout.split() == []
+
+
+def test_installed_version_is_the_packages() -> None:
+    """The metadata of the installation is that of the source."""
+    installed = importlib.metadata.version("minigolf-env")
+    remedy = "`touch pyproject.toml` and run make again"
+    assert installed == minigolf_env.__version__, f"installed {installed}, source {minigolf_env.__version__}: {remedy}"
+
+
+def test_package_is_typed() -> None:
+    """Type checkers of dependent projects read the package's annotations (PEP 561)."""
+    assert (Path(minigolf_env.__file__).parent / "py.typed").is_file()
