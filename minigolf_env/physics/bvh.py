@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from minigolf_env.physics.kernel import kernel
+from minigolf_env.physics.kernel import allocating_kernel, kernel
 from minigolf_env.physics.types import FloatArray, Tree, Vec3
 
 LEAF = 4
@@ -24,7 +24,7 @@ LOPSIDED = 32
 """A split that leaves less than this fraction on one side is replaced by a median: building stays n log n."""
 
 
-@kernel
+@allocating_kernel
 def build_tree(triangles: FloatArray) -> tuple[Tree, NDArray[np.int64]]:
     """Build the hierarchy over triangles (n, 3, 3), n >= 1; return it and the order (n,) its leaves hold them in."""
     n = len(triangles)
@@ -60,7 +60,7 @@ def build_tree(triangles: FloatArray) -> tuple[Tree, NDArray[np.int64]]:
     return Tree(box[:nodes].copy(), skip[:nodes].copy(), first[:nodes].copy(), count[:nodes].copy()), order
 
 
-@kernel
+@allocating_kernel
 def _split(
     order: NDArray[np.int64], start: int, end: int, low: FloatArray, high: FloatArray, middle: FloatArray
 ) -> int:
@@ -102,7 +102,7 @@ def _split(
     return cut
 
 
-@kernel
+@allocating_kernel
 def _cost(inside: NDArray[np.int64], boxes: FloatArray) -> float:
     """Return the surface area heuristic's cost of one side: triangles times the area of their box."""
     if inside.sum() == 0:

@@ -8,8 +8,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from minigolf_env.physics.kernel import kernel
 from minigolf_env.physics.sweep import Collision
 from minigolf_env.physics.types import FloatArray, Scene, Vec3
@@ -23,12 +21,6 @@ GRAZE = 1e-10
 
 ROUNDING = 2.0**-48
 """Normal speed of a projected vector, as a share of its length, that is rounding: some units in the last place."""
-
-
-@kernel
-def no_contacts() -> FloatArray:
-    """Return an empty scratch array for ``hold``."""
-    return np.empty((MAX_CONTACTS, 4))
 
 
 @kernel
@@ -50,7 +42,8 @@ def release(contacts: FloatArray, held: int, v: Vec3) -> int:
     left = 0
     for i in range(held):
         if dot(vec3(contacts[i]), v) <= GRAZE * norm(v):
-            contacts[left] = contacts[i]
+            for k in range(4):
+                contacts[left, k] = contacts[i, k]
             left += 1
     return left
 

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from minigolf_env.physics.contact import (
     MAX_CONTACTS,
     hold,
-    no_contacts,
     project,
     rebound,
     release,
@@ -18,7 +17,7 @@ from minigolf_env.physics.contact import (
     rolling_resistance,
     stop,
 )
-from minigolf_env.physics.kernel import kernel
+from minigolf_env.physics.kernel import allocating_kernel, kernel
 from minigolf_env.physics.sweep import distance, is_buried, sweep
 from minigolf_env.physics.types import FloatArray, Scene, Status, Vec3
 from minigolf_env.physics.vec3 import along, dot, scale, vec3
@@ -137,7 +136,7 @@ def _within(p: Vec3, lower: Vec3, upper: Vec3) -> bool:
     return lower.x <= p.x <= upper.x and lower.y <= p.y <= upper.y and lower.z <= p.z <= upper.z
 
 
-@kernel
+@allocating_kernel
 def simulate_range(
     first: int,
     last: int,
@@ -151,7 +150,7 @@ def simulate_range(
     exhausted: NDArray[np.int64],
 ) -> None:
     """Run balls first to last - 1 of a batch; positions and velocities (N, 3) are replaced by those at the end."""
-    contacts = no_contacts()
+    contacts = np.empty((MAX_CONTACTS, 4))
     nothing = np.empty((0, 8))
     for i in range(first, last):
         p, v, status[i], _, times[i], bounces[i], exhausted[i] = simulate(

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from minigolf_env.physics import simulate as kernels
 from minigolf_env.physics.bvh import build_tree
 from minigolf_env.physics.checks import finite_array, positive_number
-from minigolf_env.physics.contact import no_contacts
+from minigolf_env.physics.contact import MAX_CONTACTS
 from minigolf_env.physics.kernel import announced_compilation
 from minigolf_env.physics.mesh import TriangleMesh
 from minigolf_env.physics.normals import face_normals
@@ -153,7 +153,7 @@ class World:
         """
         p, v = self.require_free(_point(position, "position")), _point(velocity, "velocity")
         with announced_compilation():
-            moved = kernels.step(self._scene, Vec3(*p), Vec3(*v), no_contacts(), NOTHING, 0, 0.0)
+            moved = kernels.step(self._scene, Vec3(*p), Vec3(*v), np.empty((MAX_CONTACTS, 4)), NOTHING, 0, 0.0)
         return np.array(moved.p), np.array(moved.v)
 
     def simulate(self, position: ArrayLike, velocity: ArrayLike, max_time: float = 30.0, record: bool = False) -> Shot:
@@ -166,7 +166,7 @@ class World:
         """
         p, v = self.require_free(_point(position, "position")), _point(velocity, "velocity")
         steps = self._steps(max_time)
-        run, scratch = (self._scene, Vec3(*p), Vec3(*v), steps), no_contacts()
+        run, scratch = (self._scene, Vec3(*p), Vec3(*v), steps), np.empty((MAX_CONTACTS, 4))
         with announced_compilation():
             end, speed, status, begun, time, bounces, exhausted = kernels.simulate(*run, scratch, NOTHING, NOTHING)
             shot = Shot(np.array(end), np.array(speed), Status(status), time, bounces, exhausted)
