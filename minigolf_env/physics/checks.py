@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import difflib
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -29,3 +33,12 @@ def positive_number(value: float, what: str, remedy: str) -> float:
     if not number > 0.0:
         raise ValueError(f"{what}: expected a number > 0, received {value!r}; {remedy}")
     return number
+
+
+def one_of(value: Any, known: Sequence[str], what: str) -> str:
+    """Return a name that is known, or raise a ValueError that lists the names and guesses which was meant."""
+    if isinstance(value, str) and value in known:
+        return value
+    close = difflib.get_close_matches(str(value), known, n=1)
+    hint = f"; did you mean {close[0]!r}?" if close else "."
+    raise ValueError(f"{what}: expected one of {', '.join(map(repr, known))}, received {str(value)!r}{hint}")

@@ -69,7 +69,7 @@ def project(contacts: FloatArray, held: int, x: Vec3) -> Vec3:
             y = scale(crease, dot(x, crease))
             if norm(y) > norm(best) and _in_cone(contacts, held, y, i, j, slack):
                 best = y  # Of the vectors in the cone's creases the longest is the closest to x.
-    return best
+    return best if norm(best) > -slack else Vec3(0.0, 0.0, 0.0)
 
 
 @kernel
@@ -131,23 +131,26 @@ def stop(v: Vec3, end: Vec3) -> Vec3:
 
 
 @kernel
-def rebound(scene: Scene, hit: Collision, w: Vec3, v: Vec3, a: Vec3, span: float) -> tuple[Vec3, bool]:
+def rebound(scene: Scene, hit: Collision, w: Vec3, v: Vec3, a: Vec3, net: Vec3, span: float) -> tuple[Vec3, bool]:
     """Return (velocity after the impact, whether the contact lasts instead).
 
     ``w`` is the average velocity over the path of duration ``span``, which the seed's response uses; ``v`` the velocity
-    at the collision and ``a`` the acceleration on the way, which the conservative response uses: its approach speed
-    makes up for the height between the straight path and the parabola, so that the impact keeps energy exactly.
+    at the collision and ``net`` the acceleration on the way, which the conservative response uses: its approach speed
+    makes up for the height between the straight path and the parabola, so that the impact keeps energy exactly. The
+    contact lasts if the rebound is too slow to outlast dt against ``a`` or gravity, which press the ball on the surface.
     """
     surface, n = scene.surface[hit.row], hit.normal
     restitution, tangential = scene.restitution[surface], scene.tangential[surface]
     incoming, approach = w, -dot(w, n)
     if scene.conservative:
         incoming = v
-        approach = math.sqrt(dot(v, n) ** 2 + hit.alpha * (1.0 - hit.alpha) * span * span * dot(a, a))
+        approach = math.sqrt(dot(v, n) ** 2 + hit.alpha * (1.0 - hit.alpha) * span * span * dot(net, net))
         if dot(v, n) >= 0.0:  # It only grazes, and leaves undamped.
             restitution, tangential = 1.0, 1.0
     pressing = max(0.0, -dot(scene.gravity, n), -dot(a, n))
-    if restitution * approach <= 0.5 * pressing * scene.dt or approach <= GRAZE * norm(w):
+    # A rolling ball meets its floor at just the speed 0.5 pressing dt: rounding must not make it bounce where e = 1.
+    slack = GRAZE * norm(w)
+    if restitution * approach <= 0.5 * pressing * scene.dt + slack or approach <= slack:
         return v, True
     sliding = along(incoming, -dot(incoming, n), n)
     return along(scale(sliding, tangential), restitution * approach, n), False

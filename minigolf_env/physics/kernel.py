@@ -34,8 +34,8 @@ def allocating_kernel(function: Function) -> Function:
 
 
 def _compile(function: Function, *, allocates: bool) -> Function:
-    compiler = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=False, _nrt=allocates)
-    return cast(Function, compiler(function))
+    options: dict[str, Any] = {"error_model": "numpy", "fastmath": False, "_nrt": allocates}
+    return cast(Function, numba.njit(function, cache=True, nogil=True, **options))
 
 
 @contextmanager

@@ -20,10 +20,13 @@ from minigolf_env.physics.contact import (
 from minigolf_env.physics.kernel import allocating_kernel, kernel
 from minigolf_env.physics.sweep import distance, is_buried, sweep
 from minigolf_env.physics.types import FloatArray, Scene, Status, Vec3
-from minigolf_env.physics.vec3 import along, dot, scale, vec3
+from minigolf_env.physics.vec3 import along, dot, norm, scale, vec3
 
 MAX_SUB_STEPS = 64
 """Pieces of one time step, nearly always 1 to 6: the guarantee that every step ends."""
+
+PATIENCE = MAX_SUB_STEPS // 2
+"""Sub-steps after which every contact lasts, for a ball that rattles in a wedge without using up time."""
 
 REST, OUT_OF_BOUNDS, TIME_LIMIT = int(Status.REST), int(Status.OUT_OF_BOUNDS), int(Status.TIME_LIMIT)
 
@@ -49,15 +52,20 @@ def step(scene: Scene, p: Vec3, v: Vec3, contacts: FloatArray, log: FloatArray, 
     Bounces are noted in ``log`` (K, 8) as far as it has rows: time, centre, normal, triangle.
     """
     a, held, h = scene.gravity, 0, scene.dt
-    for _ in range(MAX_SUB_STEPS):
+    still = dot(v, v) == 0.0
+    for sub_step in range(MAX_SUB_STEPS):
         net, span, stops = resist(v, a, rolling_resistance(contacts, held, scene.gravity), h)
         if stops and span == 0.0:
-            return Moved(p, net, h, True, bounces, False)
+            if still or _is_held(scene, p, contacts):
+                return Moved(p, net, h, True, bounces, False)
+            still, held, a, v = True, 0, scene.gravity, net  # It has rolled off what stopped it.
+            continue
         average = along(v, 0.5 * span, net)
         path = scale(average, span)
         hit = sweep(scene, p, path)
 
         p = along(p, hit.alpha, path)
+        still = still and hit.alpha == 0.0
         h = (1.0 - hit.alpha) * span + (h - span)
         end = along(v, hit.alpha * span, net)
         if hit.row < 0:
@@ -66,8 +74,9 @@ def step(scene: Scene, p: Vec3, v: Vec3, contacts: FloatArray, log: FloatArray, 
             v = stop(v, end)
             held = release(contacts, held, v)
         else:
-            v, lasts = rebound(scene, hit, average, end, a, span)
-            if lasts:
+            v, lasts = rebound(scene, hit, average, end, a, net, span)
+            if lasts or sub_step >= PATIENCE:
+                v = end
                 held = hold(contacts, held, hit.normal, scene.rolling[scene.surface[hit.row]])
                 if dot(v, hit.normal) > 0.0:  # It would rise and be back within the step: it neither sinks nor leaves.
                     held = hold(contacts, held, scale(hit.normal, -1.0), 0.0)
@@ -87,6 +96,21 @@ def _note(log: FloatArray, row: int, time: float, p: Vec3, n: Vec3, triangle: in
         log[row, 0], log[row, 7] = time, triangle
         log[row, 1], log[row, 2], log[row, 3] = p.x, p.y, p.z
         log[row, 4], log[row, 5], log[row, 6] = n.x, n.y, n.z
+
+
+@kernel
+def _is_held(scene: Scene, p: Vec3, contacts: FloatArray) -> bool:
+    """Return whether the contacts touching a ball that lies still at p keep it there, found one by one."""
+    a, held = scene.gravity, 0
+    for _ in range(MAX_CONTACTS):
+        hit = sweep(scene, p, scale(a, 0.5 * scene.dt * scene.dt))
+        if hit.alpha > 0.0:
+            return False
+        held = hold(contacts, held, hit.normal, scene.rolling[scene.surface[hit.row]])
+        a = project(contacts, held, scene.gravity)
+        if norm(a) <= rolling_resistance(contacts, held, scene.gravity):
+            return True
+    return False
 
 
 @kernel

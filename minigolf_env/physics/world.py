@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from minigolf_env.physics import simulate as kernels
 from minigolf_env.physics.bvh import build_tree
-from minigolf_env.physics.checks import finite_array, positive_number
+from minigolf_env.physics.checks import finite_array, one_of, positive_number
 from minigolf_env.physics.contact import MAX_CONTACTS
 from minigolf_env.physics.kernel import announced_compilation
 from minigolf_env.physics.mesh import TriangleMesh
@@ -85,9 +85,7 @@ class World:
         self.ball_radius = positive_number(ball_radius, "ball_radius", "a golf ball has 0.02135 m.")
         self.gravity = tuple(finite_array(gravity, (3,), "gravity", "the Earth's is (0, 0, -9.81) m/s^2.").tolist())
         self.dt = positive_number(dt, "dt", "1/120 s suits minigolf.")
-        if impact not in IMPACTS:
-            raise ValueError(f"impact: expected one of {IMPACTS}, received {impact!r}.")
-        self.impact = impact
+        self.impact = one_of(impact, IMPACTS, "impact")
         self.bounds = _checked_bounds(bounds)
         corners = np.concatenate([mesh.triangles for mesh in self.meshes])
         self.scale = max(self.ball_radius, float(np.abs(corners).max()))
