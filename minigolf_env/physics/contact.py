@@ -7,6 +7,7 @@ counts the rows in use. It belongs to one time step: a step starts with none, so
 from __future__ import annotations
 
 import math
+from typing import Any
 
 from minigolf_env.physics.kernel import kernel
 from minigolf_env.physics.sweep import Collision
@@ -131,16 +132,22 @@ def stop(v: Vec3, end: Vec3) -> Vec3:
 
 
 @kernel
+def surface_of(scene: Scene, hit: Collision) -> Any:
+    """Return the SURFACE that a collision met."""
+    return scene.surfaces[scene.triangles[hit.row]["surface"]]
+
+
+@kernel
 def rebound(scene: Scene, hit: Collision, w: Vec3, v: Vec3, a: Vec3, net: Vec3, span: float) -> tuple[Vec3, bool]:
     """Return (velocity after the impact, whether the contact lasts instead).
 
     ``w`` is the average velocity over the path of duration ``span``, which the seed's response uses; ``v`` the velocity
     at the collision and ``net`` the acceleration on the way, which the conservative response uses: its approach speed
     makes up for the height between the straight path and the parabola, so that the impact keeps energy exactly. The
-    contact lasts if the rebound is too slow to outlast dt against ``a`` or gravity, which press the ball on the surface.
+    contact lasts if the rebound is too slow to outlast dt against ``a`` or gravity, which press the ball down.
     """
-    surface, n = scene.surface[hit.row], hit.normal
-    restitution, tangential = scene.restitution[surface], scene.tangential[surface]
+    surface, n = surface_of(scene, hit), hit.normal
+    restitution, tangential = surface["restitution"], surface["tangential"]
     incoming, approach = w, -dot(w, n)
     if scene.conservative:
         incoming = v
@@ -148,7 +155,7 @@ def rebound(scene: Scene, hit: Collision, w: Vec3, v: Vec3, a: Vec3, net: Vec3, 
         if dot(v, n) >= 0.0:  # It only grazes, and leaves undamped.
             restitution, tangential = 1.0, 1.0
     pressing = max(0.0, -dot(scene.gravity, n), -dot(a, n))
-    # A rolling ball meets its floor at just the speed 0.5 pressing dt: rounding must not make it bounce where e = 1.
+    # A rolling ball meets its floor at just the speed pressing dt / 2: rounding must not make it bounce if e = 1.
     slack = GRAZE * norm(w)
     if restitution * approach <= 0.5 * pressing * scene.dt + slack or approach <= slack:
         return v, True

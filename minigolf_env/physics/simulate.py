@@ -16,6 +16,7 @@ from minigolf_env.physics.contact import (
     resist,
     rolling_resistance,
     stop,
+    surface_of,
 )
 from minigolf_env.physics.kernel import allocating_kernel, kernel
 from minigolf_env.physics.sweep import distance, is_buried, sweep
@@ -56,7 +57,8 @@ def step(scene: Scene, p: Vec3, v: Vec3, contacts: FloatArray, log: FloatArray, 
     for sub_step in range(MAX_SUB_STEPS):
         net, span, stops = resist(v, a, rolling_resistance(contacts, held, scene.gravity), h)
         if stops and span == 0.0:
-            if still or _is_held(scene, p, contacts):
+            pull, held = _hemmed(scene, p, scene.gravity, 0.5 * scene.dt * scene.dt, contacts)
+            if still or norm(pull) <= rolling_resistance(contacts, held, scene.gravity):
                 return Moved(p, net, h, True, bounces, False)
             still, held, a, v = True, 0, scene.gravity, net  # It has rolled off what stopped it.
             continue
@@ -77,7 +79,7 @@ def step(scene: Scene, p: Vec3, v: Vec3, contacts: FloatArray, log: FloatArray, 
             v, lasts = rebound(scene, hit, average, end, a, net, span)
             if lasts or sub_step >= PATIENCE:
                 v = end
-                held = hold(contacts, held, hit.normal, scene.rolling[scene.surface[hit.row]])
+                held = hold(contacts, held, hit.normal, surface_of(scene, hit)["rolling"])
                 if dot(v, hit.normal) > 0.0:  # It would rise and be back within the step: it neither sinks nor leaves.
                     held = hold(contacts, held, scale(hit.normal, -1.0), 0.0)
                 v = project(contacts, held, v)
@@ -87,7 +89,8 @@ def step(scene: Scene, p: Vec3, v: Vec3, contacts: FloatArray, log: FloatArray, 
                 _note(log, bounces, clock + (scene.dt - h), p, hit.normal, hit.order)
                 bounces += 1
         a = project(contacts, held, scene.gravity)
-    return Moved(p, _hemmed_in(scene, p, v, contacts), 0.0, False, bounces, True)
+    v, _ = _hemmed(scene, p, v, scene.dt, contacts)
+    return Moved(p, v, 0.0, False, bounces, True)
 
 
 @kernel
@@ -99,31 +102,19 @@ def _note(log: FloatArray, row: int, time: float, p: Vec3, n: Vec3, triangle: in
 
 
 @kernel
-def _is_held(scene: Scene, p: Vec3, contacts: FloatArray) -> bool:
-    """Return whether the contacts touching a ball that lies still at p keep it there, found one by one."""
-    a, held = scene.gravity, 0
-    for _ in range(MAX_CONTACTS):
-        hit = sweep(scene, p, scale(a, 0.5 * scene.dt * scene.dt))
-        if hit.alpha > 0.0:
-            return False
-        held = hold(contacts, held, hit.normal, scene.rolling[scene.surface[hit.row]])
-        a = project(contacts, held, scene.gravity)
-        if norm(a) <= rolling_resistance(contacts, held, scene.gravity):
-            return True
-    return False
+def _hemmed(scene: Scene, p: Vec3, x: Vec3, span: float, contacts: FloatArray) -> tuple[Vec3, int]:
+    """Return what the contacts touching the ball at p leave of the vector x, and how many they are.
 
-
-@kernel
-def _hemmed_in(scene: Scene, p: Vec3, v: Vec3, contacts: FloatArray) -> Vec3:
-    """Return the velocity that the contacts touching the ball leave it, found one by one."""
-    held = 0
+    They are found one by one, by sweeping along what is left of x for a duration ``span``.
+    """
+    left, held = x, 0
     for _ in range(MAX_CONTACTS):
-        hit = sweep(scene, p, scale(v, scene.dt))
+        hit = sweep(scene, p, scale(left, span))
         if hit.alpha > 0.0:
             break
-        held = hold(contacts, held, hit.normal, 0.0)
-        v = project(contacts, held, v)
-    return v
+        held = hold(contacts, held, hit.normal, surface_of(scene, hit)["rolling"])
+        left = project(contacts, held, x)
+    return left, held
 
 
 @kernel

@@ -9,9 +9,9 @@ import numpy as np
 
 from minigolf_env.physics.bvh import nearest_leaf, next_leaf_on_path, next_leaf_within
 from minigolf_env.physics.kernel import kernel
-from minigolf_env.physics.swept_sphere import MISS, closest_point, sweep_triangle
-from minigolf_env.physics.types import FloatArray, Scene, Vec3
-from minigolf_env.physics.vec3 import add, along, dot, norm, scale, sub, vec3
+from minigolf_env.physics.swept_sphere import MISS, closest_point, corners, normal_of, sweep_triangle
+from minigolf_env.physics.types import RecordArray, Scene, Vec3
+from minigolf_env.physics.vec3 import add, along, dot, norm, scale, sub
 
 
 class Collision(NamedTuple):
@@ -52,63 +52,57 @@ def sweep(scene: Scene, p: Vec3, w: Vec3) -> Collision:
     """Return the first collision of the ball on its way from p to p + w."""
     best = no_collision()
     reach = scene.radius + scene.eps
-    leaf = next_leaf_on_path(scene.tree, 0, p, w, reach)
+    leaf = next_leaf_on_path(scene.nodes, 0, p, w, reach)
     while leaf >= 0:
-        start = scene.tree.first[leaf]
-        for i in range(start, start + scene.tree.size[leaf]):
-            n = vec3(scene.normals[i])
-            alpha, normal = sweep_triangle(
-                p, w, scene.radius, scene.eps, scene.corners[i], n, scene.one_sided[i], best.alpha
-            )
-            if alpha < MISS:
-                best = earlier(Collision(alpha, normal, i, scene.triangle[i]), best, w)
-        leaf = next_leaf_on_path(scene.tree, scene.tree.skip[leaf], p, w, reach)
+        node = scene.nodes[leaf]
+        for i in range(node["first"], node["first"] + node["size"]):
+            best = _sooner(scene.triangles, i, p, w, scene.radius, scene.eps, best)
+        leaf = next_leaf_on_path(scene.nodes, node["skip"], p, w, reach)
     return best
 
 
 @kernel
-def sweep_scan(triangles: FloatArray, normals: FloatArray, p: Vec3, w: Vec3, radius: float, eps: float) -> Collision:
-    """Return the first collision with two-sided triangles (n, 3, 3), by looking at every one: the definition."""
+def sweep_scan(triangles: RecordArray, p: Vec3, w: Vec3, radius: float, eps: float) -> Collision:
+    """Return the first collision with any of the triangles, by looking at every one: the definition."""
     best = no_collision()
     for i in range(len(triangles)):
-        alpha, normal = sweep_triangle(p, w, radius, eps, triangles[i], vec3(normals[i]), False, best.alpha)
-        if alpha < MISS:
-            best = earlier(Collision(alpha, normal, i, i), best, w)
+        best = _sooner(triangles, i, p, w, radius, eps, best)
     return best
 
 
 @kernel
-def offset(scene: Scene, i: int, p: Vec3) -> Vec3:
-    """Return the vector from p to the closest point of triangle i."""
-    corner_a, corner_b, corner_c = vec3(scene.corners[i, 0]), vec3(scene.corners[i, 1]), vec3(scene.corners[i, 2])
-    return closest_point(
-        sub(corner_a, p),
-        sub(corner_b, p),
-        sub(corner_c, p),
-        sub(corner_b, corner_a),
-        sub(corner_c, corner_b),
-        sub(corner_a, corner_c),
-        vec3(scene.normals[i]),
-    )
+def _sooner(triangles: RecordArray, i: int, p: Vec3, w: Vec3, radius: float, eps: float, best: Collision) -> Collision:
+    """Return the collision with triangle i if it counts before the best one so far, which it is otherwise."""
+    alpha, normal = sweep_triangle(p, w, radius, eps, triangles[i], best.alpha)
+    if alpha == MISS:
+        return best
+    return earlier(Collision(alpha, normal, i, triangles[i]["number"]), best, w)
+
+
+@kernel
+def offset(triangle: np.void, p: Vec3) -> Vec3:
+    """Return the vector from p to the closest point of a triangle."""
+    a, b, c = corners(triangle)
+    return closest_point(sub(a, p), sub(b, p), sub(c, p), sub(b, a), sub(c, b), sub(a, c), normal_of(triangle))
 
 
 @kernel
 def distance(scene: Scene, p: Vec3) -> float:
     """Return the distance from the point p to the nearest triangle."""
-    best = _distance_in_leaf(scene, nearest_leaf(scene.tree, p), p)
-    leaf = next_leaf_within(scene.tree, 0, p, best)
+    best = _distance_in_leaf(scene, nearest_leaf(scene.nodes, p), p)
+    leaf = next_leaf_within(scene.nodes, 0, p, best)
     while leaf >= 0:
         best = min(best, _distance_in_leaf(scene, leaf, p))
-        leaf = next_leaf_within(scene.tree, scene.tree.skip[leaf], p, best)
+        leaf = next_leaf_within(scene.nodes, scene.nodes[leaf]["skip"], p, best)
     return best
 
 
 @kernel
 def _distance_in_leaf(scene: Scene, leaf: int, p: Vec3) -> float:
     best = np.inf
-    start = scene.tree.first[leaf]
-    for i in range(start, start + scene.tree.size[leaf]):
-        best = min(best, norm(offset(scene, i, p)))
+    node = scene.nodes[leaf]
+    for i in range(node["first"], node["first"] + node["size"]):
+        best = min(best, norm(offset(scene.triangles[i], p)))
     return best
 
 
@@ -121,31 +115,31 @@ def is_buried(scene: Scene, p: Vec3) -> bool:
     """
     nearest = distance(scene, p) + scene.eps
     pseudonormal, towards = Vec3(0.0, 0.0, 0.0), Vec3(0.0, 0.0, 0.0)
-    leaf = next_leaf_within(scene.tree, 0, p, nearest)
+    leaf = next_leaf_within(scene.nodes, 0, p, nearest)
     while leaf >= 0:
-        start = scene.tree.first[leaf]
-        for i in range(start, start + scene.tree.size[leaf]):
-            q = offset(scene, i, p)
-            n = vec3(scene.normals[i])
+        node = scene.nodes[leaf]
+        for i in range(node["first"], node["first"] + node["size"]):
+            triangle = scene.triangles[i]
+            q, n = offset(triangle, p), normal_of(triangle)
             if norm(q) <= nearest and dot(n, n) > 0.0:
-                if not scene.one_sided[i]:
+                if not triangle["one_sided"]:
                     return False
-                pseudonormal = along(pseudonormal, _angle(scene.corners[i], add(p, q), scene.eps), n)
+                pseudonormal = along(pseudonormal, _angle(triangle, add(p, q), scene.eps), n)
                 towards = q
-        leaf = next_leaf_within(scene.tree, scene.tree.skip[leaf], p, nearest)
+        leaf = next_leaf_within(scene.nodes, node["skip"], p, nearest)
     return dot(pseudonormal, towards) > 0.0
 
 
 @kernel
-def _angle(corners: FloatArray, q: Vec3, eps: float) -> float:
+def _angle(triangle: np.void, q: Vec3, eps: float) -> float:
     """Return the angle that a triangle fills around its point q: 2 pi inside, pi on an edge, its own at a corner."""
-    sides = 0.0
-    for k in range(3):
-        a, b, c = vec3(corners[k]), vec3(corners[(k + 1) % 3]), vec3(corners[(k + 2) % 3])
+    on_edge = False
+    a, b, c = corners(triangle)
+    for _ in range(3):
         ab, ac, aq = sub(b, a), sub(c, a), sub(q, a)
         if norm(aq) <= eps:
             return math.acos(min(1.0, max(-1.0, dot(ab, ac) / (norm(ab) * norm(ac)))))
         edge = dot(ab, ab)
-        if edge > 0.0 and norm(sub(aq, scale(ab, dot(aq, ab) / edge))) <= eps:
-            sides += 1.0
-    return math.pi if sides > 0.0 else 2.0 * math.pi
+        on_edge = on_edge or (edge > 0.0 and norm(sub(aq, scale(ab, dot(aq, ab) / edge))) <= eps)
+        a, b, c = b, c, a
+    return math.pi if on_edge else 2.0 * math.pi

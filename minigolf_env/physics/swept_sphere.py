@@ -9,9 +9,11 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from minigolf_env.physics.kernel import kernel
-from minigolf_env.physics.types import FloatArray, Vec3
-from minigolf_env.physics.vec3 import along, cross, dot, norm, scale, sub, vec3
+from minigolf_env.physics.types import Vec3
+from minigolf_env.physics.vec3 import along, cross, dot, norm, scale, sub
 
 MISS = 1.0
 """The share of the path of a sphere that meets nothing."""
@@ -36,32 +38,49 @@ def closest_on_segment(a: Vec3, ab: Vec3) -> Vec3:
 def closest_point(a: Vec3, b: Vec3, c: Vec3, ab: Vec3, bc: Vec3, ca: Vec3, n: Vec3) -> Vec3:
     """Return the triangle's point closest to the origin.
 
-    Above the face it is the foot on the plane, elsewhere the nearest point of the three edges: near a border both are
-    the same point, so a wrong choice by rounding does no harm. ``n`` is the unit normal, or zero without area.
+    Above the face it is the foot on the plane, elsewhere the nearest point of the edges that the origin is beyond: near
+    a border both are the same point, so a wrong choice by rounding does no harm. ``n`` is the unit normal, or zero
+    without area, where the origin counts as beyond all edges.
     """
-    if dot(cross(a, ab), n) > 0.0 and dot(cross(b, bc), n) > 0.0 and dot(cross(c, ca), n) > 0.0:
-        return scale(n, dot(a, n))
-    q = closest_on_segment(a, ab)
-    for candidate in (closest_on_segment(b, bc), closest_on_segment(c, ca)):
-        if dot(candidate, candidate) < dot(q, q):
-            q = candidate
+    best, q = math.inf, scale(n, dot(a, n))
+    for start, edge in ((a, ab), (b, bc), (c, ca)):
+        if dot(cross(start, edge), n) <= 0.0:
+            candidate = closest_on_segment(start, edge)
+            distance2 = dot(candidate, candidate)
+            if distance2 < best:
+                best, q = distance2, candidate
     return q
 
 
 @kernel
-def sweep_triangle(
-    p: Vec3, w: Vec3, radius: float, eps: float, corners: FloatArray, n: Vec3, one_sided: bool, latest: float
-) -> tuple[float, Vec3]:
+def corners(triangle: np.void) -> tuple[Vec3, Vec3, Vec3]:
+    """Return the corners of a TRIANGLE."""
+    return (
+        Vec3(triangle["ax"], triangle["ay"], triangle["az"]),
+        Vec3(triangle["bx"], triangle["by"], triangle["bz"]),
+        Vec3(triangle["cx"], triangle["cy"], triangle["cz"]),
+    )
+
+
+@kernel
+def normal_of(triangle: np.void) -> Vec3:
+    """Return the unit normal of a TRIANGLE, or zero."""
+    return Vec3(triangle["nx"], triangle["ny"], triangle["nz"])
+
+
+@kernel
+def sweep_triangle(p: Vec3, w: Vec3, radius: float, eps: float, triangle: np.void, latest: float) -> tuple[float, Vec3]:
     """Return when a sphere that moves from p to p + w first collides with a triangle, and the unit normal there.
 
     The time is the share of the path, in [0, 1); ``MISS`` stands for no collision, and for one later than ``latest``.
     Colliding is touching (within eps) and approaching so that the rest of the path would end deeper than eps.
     """
     none = Vec3(0.0, 0.0, 0.0)
+    n = normal_of(triangle)
     wn = dot(w, n)
-    if one_sided and wn >= 0.0 and dot(n, n) > 0.0:
+    if triangle["one_sided"] and wn >= 0.0 and dot(n, n) > 0.0:
         return MISS, none
-    corner_a, corner_b, corner_c = vec3(corners[0]), vec3(corners[1]), vec3(corners[2])
+    corner_a, corner_b, corner_c = corners(triangle)
     a = sub(corner_a, p)
     height = -dot(a, n)
     if min(height, height + wn) >= radius - eps or max(height, height + wn) <= eps - radius:

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 FloatArray: TypeAlias = NDArray[np.float64]
+RecordArray: TypeAlias = NDArray[np.void]
 
 TOLERANCE = 5e-13
 """Touching, as a share of the scene's scale: half of the guaranteed 1e-12, so that rounding cannot use it up."""
@@ -122,36 +123,44 @@ IMPACT = np.dtype([("time", "f8"), ("position", "f8", 3), ("normal", "f8", 3), (
 """One bounce: time (s), the ball's centre (m), the unit normal, the triangle."""
 
 
-class Tree(NamedTuple):
-    """A bounding volume hierarchy in depth-first order: a node's first child follows it."""
+NODE = np.dtype(
+    [
+        *((name, "f8") for name in ("x", "y", "z", "half_x", "half_y", "half_z")),
+        *((name, "i4") for name in ("skip", "first", "size")),
+    ],
+    align=True,
+)
+"""A box of the bounding volume hierarchy, 64 bytes: its middle and half extents (m); the node after its subtree; a
+leaf's first triangle and number of triangles, 0 for an inner node. Nodes stand in depth-first order."""
 
-    box: FloatArray
-    """(M, 6) each node's centre and half extents, m."""
-    skip: NDArray[np.int32]
-    """(M,) the node after this one's subtree."""
-    first: NDArray[np.int32]
-    """(M,) a leaf's first triangle; -1 for an inner node."""
-    size: NDArray[np.int32]
-    """(M,) a leaf's number of triangles; 0 for an inner node."""
+TRIANGLE = np.dtype(
+    [
+        *((f"{corner}{axis}", "f8") for corner in "abcn" for axis in "xyz"),
+        ("number", "i8"),
+        ("surface", "i4"),
+        ("one_sided", "?"),
+    ],
+    align=True,
+)
+"""A triangle: corners a, b, c (m) and the unit normal n (zero without area); the caller's number; its row among the
+surfaces; whether only a ball that moves against n can collide."""
+
+SURFACE = np.dtype([("restitution", "f8"), ("tangential", "f8"), ("rolling", "f8")])
+"""What an impact keeps of the normal and the tangential velocity, and the rolling resistance."""
 
 
 class Scene(NamedTuple):
-    """The compiled world: everything immutable that the kernels read. Triangles are stored in the tree's order."""
+    """The compiled world: everything immutable that the kernels read.
 
-    corners: FloatArray
-    """(n, 3, 3) m."""
-    normals: FloatArray
-    """(n, 3) unit face normals; zeros for a triangle without area, which acts as the segment or point it is."""
-    one_sided: NDArray[np.bool_]
-    """(n,) whether only a ball that moves against the face normal can collide."""
-    triangle: NDArray[np.int64]
-    """(n,) the caller's number of each triangle."""
-    surface: NDArray[np.int32]
-    """(n,) row of the three arrays below."""
-    restitution: FloatArray
-    tangential: FloatArray
-    rolling: FloatArray
-    tree: Tree
+    Few arrays of whole records: what belongs to a triangle or a node shares a cache line, and a call passes little.
+    """
+
+    triangles: RecordArray
+    """(n,) of TRIANGLE, in the order of the tree's leaves."""
+    nodes: RecordArray
+    """(M,) of NODE."""
+    surfaces: RecordArray
+    """(k,) of SURFACE."""
     radius: float
     """The ball's radius, m."""
     eps: float

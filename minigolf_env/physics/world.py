@@ -20,7 +20,19 @@ from minigolf_env.physics.kernel import announced_compilation
 from minigolf_env.physics.mesh import TriangleMesh
 from minigolf_env.physics.normals import face_normals
 from minigolf_env.physics.sweep import sweep, sweep_scan
-from minigolf_env.physics.types import IMPACT, TOLERANCE, FloatArray, Hit, Scene, Shot, Status, Vec3
+from minigolf_env.physics.types import (
+    IMPACT,
+    SURFACE,
+    TOLERANCE,
+    TRIANGLE,
+    FloatArray,
+    Hit,
+    RecordArray,
+    Scene,
+    Shot,
+    Status,
+    Vec3,
+)
 
 IMPACTS = ("average", "conservative")
 
@@ -47,7 +59,7 @@ def sweep_sphere(start: ArrayLike, end: ArrayLike, radius: float, triangles: Arr
     corners = finite_array(triangles, (None, 3, 3), "triangles", "give three corners of x, y, z a triangle.")
     scale = max(radius, *(float(np.abs(array).max(initial=0.0)) for array in (p, q, corners)))
     with announced_compilation():
-        hit = sweep_scan(corners, face_normals(corners), Vec3(*p), Vec3(*(q - p)), radius, TOLERANCE * scale)
+        hit = sweep_scan(_records(corners), Vec3(*p), Vec3(*(q - p)), radius, TOLERANCE * scale)
     return Hit(hit.row >= 0, hit.alpha, np.array(hit.normal), hit.order)
 
 
@@ -98,19 +110,16 @@ class World:
             self._scene = self._compile(corners)
 
     def _compile(self, corners: FloatArray) -> Scene:
-        tree, order = build_tree(corners)
+        nodes, order = build_tree(corners)
         sizes = [len(mesh.faces) for mesh in self.meshes]
+        triangles = _records(corners)
+        triangles["one_sided"] = np.repeat([not mesh.two_sided for mesh in self.meshes], sizes)
+        triangles["surface"] = np.repeat(np.arange(len(sizes)), sizes)
         surfaces = [mesh.surface for mesh in self.meshes]
         return Scene(
-            corners=corners[order],
-            normals=face_normals(corners)[order],
-            one_sided=np.repeat([not mesh.two_sided for mesh in self.meshes], sizes)[order],
-            triangle=order,
-            surface=np.repeat(np.arange(len(sizes), dtype=np.int32), sizes)[order],
-            restitution=np.array([surface.normal_share for surface in surfaces]),
-            tangential=np.array([surface.tangential_share for surface in surfaces]),
-            rolling=np.array([surface.rolling for surface in surfaces], dtype=np.float64),
-            tree=tree,
+            triangles=triangles[order],
+            nodes=nodes,
+            surfaces=np.array([(s.normal_share, s.tangential_share, s.rolling) for s in surfaces], SURFACE),
             radius=self.ball_radius,
             eps=TOLERANCE * self.scale,
             gravity=Vec3(*self.gravity),
@@ -241,6 +250,17 @@ class World:
     def _steps(self, max_time: float) -> int:
         limit = positive_number(max_time, "max_time", "give the longest time to simulate in seconds.")
         return max(1, math.ceil(limit / self.dt - 1e-9))
+
+
+def _records(corners: FloatArray) -> RecordArray:
+    """Return triangles (n, 3, 3) as two-sided TRIANGLE records, numbered in order."""
+    records = np.zeros(len(corners), TRIANGLE)
+    points = np.concatenate([corners, face_normals(corners)[:, None]], axis=1)
+    for i, corner in enumerate("abcn"):
+        for k, axis in enumerate("xyz"):
+            records[f"{corner}{axis}"] = points[:, i, k]
+    records["number"] = np.arange(len(corners))
+    return records
 
 
 def _in_parallel(run: Callable[..., None], n: int, *arguments: Any) -> None:

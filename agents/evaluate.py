@@ -1,0 +1,148 @@
+"""How well does a player play? Strokes over fixed seeds, with confidence intervals.
+
+    python -m agents.evaluate --policy search --episodes 50
+    python -m agents.evaluate --policy runs/dogleg-1/best.zip
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import gymnasium as gym
+import numpy as np
+import tyro
+from rich.console import Console
+from rich.progress import track
+from rich.table import Table
+
+from minigolf_env.policies import Policy, load_policy
+
+FIRST_SEED = 1_000_000
+"""Episode i is seeded FIRST_SEED + i: far from the seeds that training uses."""
+
+Z = 1.96
+"""Two-sided 95 % quantile of the normal distribution."""
+
+
+@dataclass(frozen=True)
+class Args:
+    """The command line."""
+
+    policy: str = "search"
+    """random, search, or a model's .zip file."""
+    course: str = "dogleg"
+    episodes: int = 100
+    max_strokes: int = 10
+    putt_noise: tuple[float, float] = (0.0, 0.0)
+    """Standard deviations of direction (degrees) and speed (share of it)."""
+    json: Path | None = None
+    """Also write the score here."""
+
+
+@dataclass(frozen=True)
+class Score:
+    """What a player reached; intervals are 95 % confidence intervals."""
+
+    policy: str
+    course: str
+    first_seed: int
+    episodes: int
+    strokes: float
+    """Mean strokes; an episode that is not holed counts max_strokes."""
+    strokes_interval: tuple[float, float]
+    holed: float
+    """Share of episodes that ended in the cup."""
+    holed_interval: tuple[float, float]
+    hole_in_one: float
+    hole_in_one_interval: tuple[float, float]
+
+
+def play_episode(env: gym.Env, policy: Policy, seed: int) -> tuple[int, bool]:  # type: ignore[type-arg]
+    """Return (strokes, holed) of one episode."""
+    observation, info = env.reset(seed=seed)
+    over = False
+    while not over:
+        action = policy.act(observation, env.unwrapped)  # type: ignore[arg-type]
+        observation, _, terminated, truncated, info = env.step(action)
+        over = terminated or truncated
+    return info["strokes"], info["is_success"]
+
+
+def evaluate(policy: Policy, name: str, args: Args, quiet: bool = False) -> Score:
+    """Play the episodes of fixed seeds and return the score."""
+    env = gym.make(
+        "minigolf_env:MiniGolf-v0", course=args.course, max_strokes=args.max_strokes, putt_noise=args.putt_noise
+    )
+    seeds = range(FIRST_SEED, FIRST_SEED + args.episodes)
+    played = [
+        play_episode(env, policy, seed)
+        for seed in track(seeds, f"{name} plays {args.episodes} episodes", disable=quiet, transient=True)
+    ]
+    env.close()
+    strokes = np.array([s for s, _ in played], dtype=np.float64)
+    holed = np.array([h for _, h in played])
+    aces = holed & (strokes == 1)
+    margin = Z * strokes.std(ddof=1) / math.sqrt(len(strokes)) if len(strokes) > 1 else math.inf
+    return Score(
+        policy=name,
+        course=args.course,
+        first_seed=FIRST_SEED,
+        episodes=args.episodes,
+        strokes=float(strokes.mean()),
+        strokes_interval=(float(strokes.mean() - margin), float(strokes.mean() + margin)),
+        holed=float(holed.mean()),
+        holed_interval=wilson(int(holed.sum()), len(holed)),
+        hole_in_one=float(aces.mean()),
+        hole_in_one_interval=wilson(int(aces.sum()), len(aces)),
+    )
+
+
+def wilson(successes: int, n: int) -> tuple[float, float]:
+    """Return the 95 % interval of a share (E. B. Wilson, 1927), which is sound near 0 and 1 too."""
+    share = successes / n
+    centre = share + Z * Z / (2 * n)
+    spread = Z * math.sqrt(share * (1 - share) / n + Z * Z / (4 * n * n))
+    return max(0.0, (centre - spread) / (1 + Z * Z / n)), min(1.0, (centre + spread) / (1 + Z * Z / n))
+
+
+def print_scores(scores: list[Score]) -> None:
+    """Print one table, a row for each player."""
+    table = Table(title=f"{scores[0].course}: strokes over fixed seeds (95 % confidence intervals)")
+    for column in ("player", "episodes", "mean strokes", "holed out", "hole-in-one"):
+        table.add_column(column, justify="left" if column == "player" else "right")
+    for score in scores:
+        low, high = score.strokes_interval
+        table.add_row(
+            score.policy,
+            str(score.episodes),
+            f"{score.strokes:.2f}  ({low:.2f} to {high:.2f})",
+            _share(score.holed, score.holed_interval),
+            _share(score.hole_in_one, score.hole_in_one_interval),
+        )
+    Console().print(table)
+
+
+def _share(share: float, interval: tuple[float, float]) -> str:
+    return f"{share:.1%}  ({interval[0]:.1%} to {interval[1]:.1%})"
+
+
+def main(args: Args) -> Score:
+    """Evaluate one player, print its row and write it where asked."""
+    if args.episodes < 1:
+        raise SystemExit(f"episodes: expected at least 1, received {args.episodes}.")
+    try:
+        policy = load_policy(args.policy)
+        score = evaluate(policy, args.policy, args)
+    except (ValueError, FileNotFoundError, ImportError) as error:
+        raise SystemExit(str(error)) from error
+    print_scores([score])
+    if args.json is not None:
+        args.json.write_text(json.dumps(asdict(score), indent=2) + "\n")
+    return score
+
+
+if __name__ == "__main__":
+    main(tyro.cli(Args, description=__doc__))

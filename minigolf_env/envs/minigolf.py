@@ -1,0 +1,174 @@
+"""MiniGolf-v0: one putt a step."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from gymnasium.error import ResetNeeded
+from numpy.typing import ArrayLike, NDArray
+
+from minigolf_env.courses import Course
+from minigolf_env.envs.options import check_actions, check_lie, check_render_mode, make_task
+from minigolf_env.envs.task import FloatArray, Outcome, Result, action_space, observation_space
+
+Observation = NDArray[np.float32]
+Action = NDArray[np.float32]
+
+
+class MiniGolfEnv(gym.Env[Observation, Action]):
+    """Minigolf on a course of closed triangle meshes, with an exactly simulated ball: one step is one putt.
+
+    ## Action space
+    ``Box(-1, 1, (2,), float32)``: the putt vector in the horizontal plane. Its direction is where the ball is struck,
+    its length, clipped to 1, the share of the top speed. The step runs the whole putt: until the ball rests, drops into
+    the cup or leaves the course.
+
+    ## Observation space
+    ``Box(-1, 1, (10,), float32)``:
+
+    | Number | Meaning | Scale |
+    |---|---|---|
+    | 0, 1, 2 | the ball's x, y, z | -1 and 1 at the course's bounds |
+    | 3, 4, 5 | x, y, z of the way from the ball to the cup's rim | 1 is the bounds' diagonal in plan |
+    | 6, 7 | horizontal direction to the cup | a unit vector |
+    | 8 | square root of the horizontal distance to the cup, as is the speed it takes | 1 is that diagonal |
+    | 9 | strokes left | 1 at the tee, 0 after the last |
+
+    ## Reward
+    "strokes": -1 a stroke, so that the return is minus the score. "shaped": the same plus the change of a potential,
+    minus (1 + 0.3 a metre along the course to the cup), zero when the episode has ended. Its sum over an episode does
+    not depend on the strokes played, so that the best policy is the same, and each stroke learns what it was worth.
+
+    ## Start
+    The ball lies in the tee box: at a uniformly random place, or in its middle (``tee="fixed"``).
+    ``reset(options={"position": (x, y, z)})`` starts with the ball's centre there.
+
+    ## End
+    ``terminated`` when the ball is in the cup, and after ``max_strokes`` (a rule of the game: the strokes left are
+    observed). ``truncated`` is always False. The cup is a hole in the floor's mesh; the ball is holed when it rests in
+    it, or is below the rim without the energy to come out. A ball out of bounds, or one that does not come to rest
+    within 30 s, is put back where it was struck, and the stroke counts.
+
+    ## Info
+    ``strokes`` (int) of the episode, ``is_success`` (bool) whether the ball is holed, ``status`` (str) of the last
+    stroke: "tee", "rest", "holed", "out_of_bounds" or "time_limit", ``shot_time`` (float, s) and ``bounces`` (int) of
+    the last stroke, ``course`` (str).
+
+    ## Arguments
+    course: a name of ``minigolf_env.courses.list_courses()``, or a Course with a cup.
+    render_mode: None; there are no pictures yet.
+    reward: "shaped" or "strokes".
+    observation: "state".
+    max_strokes: strokes after which an episode ends, at least 1.
+    tee: "random" or "fixed".
+    top_speed: launch speed of a full putt, m/s; None: the course's.
+    cup_radius: m; None: the course's.
+    putt_noise: standard deviations of a putt's direction (degrees) and speed (share of it), drawn from ``np_random``.
+    dt: time step of the physics, s.
+    impact: "average" or "conservative", see ``minigolf_env.physics.World``.
+
+    Raises:
+        ValueError: an argument, action or state is not what it should be; nothing has changed then.
+
+    ## Version history
+    v0: initial version.
+    """
+
+    metadata: dict[str, Any] = {"render_modes": [], "render_fps": 30}  # noqa: RUF012 (the base class types it so)
+
+    def __init__(self, course: str | Course = "dogleg", render_mode: str | None = None, **options: Any) -> None:
+        check_render_mode(render_mode)
+        self.render_mode = render_mode
+        self.task = make_task(course, **options)
+        self.action_space = action_space()
+        self.observation_space = observation_space()
+        self._position: FloatArray | None = None
+        self._strokes = 0
+        self._over = False
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, dict[str, Any]]:
+        """Put the ball on the tee, or at ``options["position"]`` (3,), m; return (observation, info)."""
+        given = dict(options or {})
+        position = given.pop("position", None)
+        if given:
+            raise ValueError(f"options: expected only 'position', received {sorted(given)} as well.")
+        if position is not None:
+            position = check_lie(self.task, position)
+        super().reset(seed=seed)
+        if position is None:
+            position = self.task.tee_off(self.np_random)
+        self._position, self._strokes, self._over = position, 0, False
+        return self._observe(), self._info("tee", 0.0, 0, holed=False)
+
+    def step(self, action: ArrayLike) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+        """Play one putt; return (observation, reward, terminated, truncated, info)."""
+        before = self._ball()
+        if self._over:
+            raise ResetNeeded("The episode is over; call reset() before the next step().")
+        putt = check_actions(action, (2,))
+        outcome = self.task.play(before[None], self.task.launch(putt[None], self.task.disturb([self.np_random])))
+        holed = bool(outcome.holed[0])
+        self._position = outcome.position[0]
+        self._strokes += 1
+        self._over = holed or self._strokes >= self.task.max_strokes
+        reward = self.task.rewards(before, self._position, np.array(self._over))
+        status = Result(int(outcome.result[0])).name.lower()
+        info = self._info(status, float(outcome.time[0]), int(outcome.bounces[0]), holed=holed)
+        return self._observe(), float(reward), self._over, False, info
+
+    def what_if(self, actions: ArrayLike) -> Outcome:
+        """Return what putts (N, 2) from the present state would lead to, without noise and without moving the ball."""
+        putts = check_actions(actions, (None, 2))
+        return self.task.play(np.tile(self._ball(), (len(putts), 1)), self.task.launch(putts))
+
+    def get_state(self) -> dict[str, Any]:
+        """Return the episode's state, all that ``set_state`` needs to go on from here: plain values, a copy."""
+        return {
+            "position": tuple(self._ball().tolist()),
+            "strokes": self._strokes,
+            "over": self._over,
+            "np_random": self.np_random.bit_generator.state,
+        }
+
+    def set_state(self, state: dict[str, Any]) -> None:
+        """Go on from a state that ``get_state`` returned, or one with a "position" of your own (other keys optional).
+
+        Raises:
+            ValueError: the ball would not lie in free space within the bounds, or a value is not what it should be.
+        """
+        unknown = set(state) - {"position", "strokes", "over", "np_random"}
+        if unknown or "position" not in state:
+            raise ValueError(f"state: expected 'position' and what get_state() returns, received {sorted(state)}.")
+        over = bool(state.get("over", False))
+        position = np.array(state["position"], dtype=np.float64) if over else check_lie(self.task, state["position"])
+        strokes = state.get("strokes", 0)
+        if not (isinstance(strokes, (int, np.integer)) and 0 <= strokes <= self.task.max_strokes):
+            raise ValueError(f"strokes: expected an integer from 0 to {self.task.max_strokes}, received {strokes!r}.")
+        if "np_random" in state:
+            try:
+                self.np_random.bit_generator.state = state["np_random"]
+            except (KeyError, TypeError, ValueError) as error:
+                raise ValueError(f"np_random: expected a state of numpy's PCG64 generator; {error}") from error
+        self._position, self._strokes, self._over = position, int(strokes), over
+
+    def _ball(self) -> NDArray[np.float64]:
+        if self._position is None:
+            raise ResetNeeded("Call reset() first: there is no ball on the course yet.")
+        return self._position
+
+    def _observe(self) -> Observation:
+        return self.task.observe(self._ball(), np.array(self._strokes))
+
+    def _info(self, status: str, time: float, bounces: int, *, holed: bool) -> dict[str, Any]:
+        return {
+            "strokes": self._strokes,
+            "is_success": holed,
+            "status": status,
+            "shot_time": time,
+            "bounces": bounces,
+            "course": self.task.course.name,
+        }

@@ -1,0 +1,95 @@
+"""The door of the environments: their arguments are checked here once and become a Task."""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from minigolf_env.courses import Course, load_course
+from minigolf_env.envs.task import REWARDS, FloatArray, Task
+from minigolf_env.physics import World
+from minigolf_env.physics.checks import finite_array, one_of, positive_number
+
+OBSERVATIONS = ("state",)
+TEES = ("random", "fixed")
+
+NOISE = "give the standard deviations of direction (degrees) and speed (share of it)."
+PUTT = "a putt is a vector x, y; its length, up to 1, is the share of the top speed."
+
+
+def make_task(
+    course: str | Course = "dogleg",
+    *,
+    reward: str = "shaped",
+    observation: str = "state",
+    max_strokes: int = 10,
+    tee: str = "random",
+    top_speed: float | None = None,
+    cup_radius: float | None = None,
+    putt_noise: tuple[float, float] = (0.0, 0.0),
+    dt: float = 1 / 120,
+    impact: str = "average",
+) -> Task:
+    """Return the task that an environment's arguments describe; MiniGolfEnv's docstring says what they mean.
+
+    Raises:
+        ValueError: an argument is not what it should be.
+    """
+    one_of(observation, OBSERVATIONS, "observation")
+    golf = load_course(course, cup_radius=cup_radius)
+    if golf.cup is None:
+        raise ValueError(
+            f"course: expected one with a cup, received {golf.name!r}; "
+            "load_course(...).world() throws a ball in a room without golf."
+        )
+    if type(max_strokes) is not int or max_strokes < 1:
+        raise ValueError(f"max_strokes: expected an integer >= 1, received {max_strokes!r}.")
+    speed = golf.top_speed if top_speed is None else top_speed
+    return Task(
+        course=golf,
+        world=_world(golf, positive_number(dt, "dt", "1/120 s suits minigolf."), impact),
+        reward=one_of(reward, REWARDS, "reward"),
+        max_strokes=max_strokes,
+        random_tee=one_of(tee, TEES, "tee") == "random",
+        top_speed=positive_number(speed, "top_speed", "give the launch speed of a full putt in m/s."),
+        putt_noise=_noise(putt_noise),
+    )
+
+
+def check_actions(actions: ArrayLike, shape: tuple[int | None, ...]) -> FloatArray:
+    """Return putts of a shape such as (2,) as an array, or raise a ValueError."""
+    return finite_array(actions, shape, "action", PUTT)
+
+
+def check_lie(task: Task, position: ArrayLike) -> FloatArray:
+    """Return a ball's centre (3,) as an array if the ball can lie there, or raise a ValueError."""
+    ball = task.world.require_free(finite_array(position, (3,), "position", "give the ball's centre, m."))
+    lower, upper = np.asarray(task.course.bounds)
+    if not ((lower <= ball) & (ball <= upper)).all():
+        raise ValueError(
+            f"position: expected a place within the course's bounds {lower.tolist()} to {upper.tolist()}, "
+            f"received {ball.tolist()}; the ball would be out of bounds."
+        )
+    return ball
+
+
+def check_render_mode(render_mode: str | None) -> None:
+    """Raise a ValueError for a render mode there is not."""
+    if render_mode is not None:
+        raise ValueError(f"render_mode: expected None, received {render_mode!r}; there are no pictures yet.")
+
+
+def _noise(value: tuple[float, float]) -> tuple[float, float]:
+    degrees, share = finite_array(value, (2,), "putt_noise", NOISE).tolist()
+    if degrees < 0.0 or share < 0.0:
+        raise ValueError(f"putt_noise: expected numbers >= 0, received {value!r}; {NOISE}")
+    return degrees, share
+
+
+@functools.lru_cache(maxsize=8)
+def _world(course: Course, dt: float, impact: str) -> World:
+    """Return the course's world; worlds are immutable, so environments share them."""
+    world: World = course.world(dt=dt, impact=impact)
+    return world

@@ -1,0 +1,204 @@
+"""The rules of the game, pure: an action becomes a launch, a shot becomes an outcome, an observation and a reward.
+
+Every function takes one ball or many: arrays have any leading shape (...). There is no other copy of the rules.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import NamedTuple, cast
+
+import numpy as np
+from gymnasium.spaces import Box, Space
+from numpy.typing import NDArray
+
+from minigolf_env.courses import Course, Cup
+from minigolf_env.physics import Status, World
+
+FloatArray = NDArray[np.float64]
+
+MAX_TIME = 30.0
+"""Longest putt, s: several times what a ball on any green rolls."""
+
+OBSERVATION = (
+    "ball x",
+    "ball y",
+    "ball z",
+    "to cup x",
+    "to cup y",
+    "to cup z",
+    "cup direction x",
+    "cup direction y",
+    "root of cup distance",
+    "strokes left",
+)
+"""What the numbers of a "state" observation mean; MiniGolfEnv's docstring gives their scales."""
+
+REWARDS = ("strokes", "shaped")
+
+STROKES_TO_FINISH = (1.0, 0.3)
+"""Strokes still needed, as shaping guesses them: one, and 0.3 for each metre along the course."""
+
+
+class Result(IntEnum):
+    """What became of a stroke: the physics' Status, and holed."""
+
+    REST = Status.REST
+    OUT_OF_BOUNDS = Status.OUT_OF_BOUNDS
+    TIME_LIMIT = Status.TIME_LIMIT
+    HOLED = 3
+
+
+class Outcome(NamedTuple):
+    """What strokes led to; each field has the leading shape (...) of the strokes."""
+
+    position: FloatArray
+    """(..., 3) where the ball lies for the next stroke, m: where it rests, or where it was struck if it did not."""
+    result: NDArray[np.int8]
+    """Values of Result."""
+    time: FloatArray
+    """How long the ball moved, s."""
+    bounces: NDArray[np.int64]
+
+    @property
+    def holed(self) -> NDArray[np.bool_]:
+        """Whether the ball is in the cup."""
+        return np.asarray(self.result == Result.HOLED)
+
+
+def action_space() -> Space[NDArray[np.float32]]:
+    """Return the space of putts (2,)."""
+    return cast(Space[NDArray[np.float32]], Box(-1.0, 1.0, (2,), np.float32))
+
+
+def observation_space() -> Space[NDArray[np.float32]]:
+    """Return the space of "state" observations (10,)."""
+    return cast(Space[NDArray[np.float32]], Box(-1.0, 1.0, (len(OBSERVATION),), np.float32))
+
+
+@dataclass(frozen=True)
+class Task:
+    """One course with its rules.
+
+    Args:
+        course: a course with a cup.
+        world: the course's compiled physics.
+        reward: one of ``REWARDS``.
+        max_strokes: strokes after which an episode is over.
+        random_tee: whether the ball starts anywhere in the tee box, or in its middle.
+        top_speed: launch speed of a full putt, m/s.
+        putt_noise: standard deviations of a putt's direction (degrees) and speed (share of it).
+    """
+
+    course: Course
+    world: World
+    reward: str
+    max_strokes: int
+    random_tee: bool
+    top_speed: float
+    putt_noise: tuple[float, float]
+
+    @property
+    def cup(self) -> Cup:
+        """The cup."""
+        if self.course.cup is None:
+            raise ValueError(f"course: expected one with a cup, received {self.course.name!r}; it has no hole to play.")
+        return self.course.cup
+
+    def tee_off(self, rng: np.random.Generator) -> FloatArray:
+        """Return a ball's centre (3,), m, in the tee box: anywhere in it, or in its middle."""
+        tee = self.course.tee
+        lower, upper = np.asarray(tee.lower), np.asarray(tee.upper)
+        shares = rng.random(2) if self.random_tee else 0.5
+        return np.append(lower + shares * (upper - lower), tee.height + self.course.ball_radius)
+
+    def disturb(self, rngs: Sequence[np.random.Generator]) -> FloatArray | None:
+        """Return standard normal numbers (N, 2) to disturb putts with, each from its own stream; None without noise."""
+        if not any(self.putt_noise):
+            return None
+        return np.array([rng.standard_normal(2) for rng in rngs]).reshape(-1, 2)
+
+    def launch(self, actions: FloatArray, draws: FloatArray | None = None) -> FloatArray:
+        """Return launch velocities (..., 3), m/s, of actions (..., 2).
+
+        An action's direction aims, its length (at most 1) is the share of the top speed. ``draws`` (..., 2) are
+        standard normal numbers that disturb direction and speed by ``putt_noise``.
+        """
+        length = np.hypot(actions[..., 0], actions[..., 1])
+        putt = actions * (self.top_speed / np.maximum(length, 1.0))[..., None]
+        if draws is not None:
+            turn = draws[..., 0] * math.radians(self.putt_noise[0])
+            cos, sin = np.cos(turn), np.sin(turn)
+            x, y = putt[..., 0], putt[..., 1]
+            putt = np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
+            putt = putt * np.maximum(0.0, 1.0 + draws[..., 1] * self.putt_noise[1])[..., None]
+        return np.concatenate([putt, np.zeros_like(putt[..., :1])], axis=-1)
+
+    def play(self, positions: FloatArray, velocities: FloatArray) -> Outcome:
+        """Return what becomes of balls at positions (N, 3) launched with velocities (N, 3)."""
+        shot = self.world.simulate_batch(positions, velocities, MAX_TIME)
+        holed = self.is_holed(shot.position, shot.velocity)
+        result = np.where(holed, np.int8(Result.HOLED), shot.status)
+        # A ball that left the course, or never came to rest, goes back: the stroke counts.
+        stays = holed | (result == Result.REST)
+        position = np.where(stays[:, None], shot.position, positions)
+        return Outcome(position, result, np.asarray(shot.time), np.asarray(shot.bounces))
+
+    def is_holed(self, positions: FloatArray, velocities: FloatArray) -> NDArray[np.bool_]:
+        """Return whether balls (..., 3) are in the cup for good: below the rim, without the energy to come out.
+
+        To leave, a ball must pass over the rim's edge, its centre one radius above it.
+        """
+        x, y, rim = self.cup.position
+        inside = np.hypot(positions[..., 0] - x, positions[..., 1] - y) < self.cup.radius
+        below = positions[..., 2] < rim
+        g = abs(self.world.gravity[2])
+        climb = np.sum(velocities * velocities, axis=-1) / (2.0 * g)
+        return np.asarray(inside & below & (positions[..., 2] + climb < rim + self.world.ball_radius))
+
+    def distance(self, positions: FloatArray) -> FloatArray:
+        """Return the distance along the course from positions (..., 3) to the cup, m.
+
+        Straight to the end of the nearest leg of the course's route, and on along the route.
+        """
+        route = np.asarray(self.course.route)
+        starts, ends = route[:-1], route[1:]
+        legs = ends - starts
+        lengths = np.hypot(legs[:, 0], legs[:, 1])
+        remaining = np.concatenate([np.cumsum(lengths[:0:-1])[::-1], [0.0]])
+        offset = positions[..., None, :2] - starts
+        share = np.clip(np.sum(offset * legs, axis=-1) / lengths**2, 0.0, 1.0)
+        away = offset - share[..., None] * legs
+        leg = np.argmin(np.sum(away * away, axis=-1), axis=-1)
+        ahead = ends[leg] - positions[..., :2]
+        return np.asarray(np.hypot(ahead[..., 0], ahead[..., 1]) + remaining[leg])
+
+    def observe(self, positions: FloatArray, strokes: NDArray[np.int64]) -> NDArray[np.float32]:
+        """Return observations (..., 10) of balls at positions (..., 3) after a number of strokes (...)."""
+        lower, upper = np.asarray(self.course.bounds)
+        reach = float(np.linalg.norm(upper[:2] - lower[:2]))
+        place = 2.0 * (positions - lower) / (upper - lower) - 1.0
+        to_cup = np.asarray(self.cup.position) - positions
+        away = np.hypot(to_cup[..., 0], to_cup[..., 1])[..., None]
+        direction = to_cup[..., :2] / np.maximum(away, 1e-9)
+        left = np.asarray(1.0 - np.asarray(strokes) / self.max_strokes)[..., None]
+        numbers = [place, to_cup / reach, direction, np.sqrt(away / reach), left]
+        return np.asarray(np.clip(np.concatenate(numbers, axis=-1), -1.0, 1.0), dtype=np.float32)
+
+    def rewards(self, before: FloatArray, after: FloatArray, ended: NDArray[np.bool_]) -> FloatArray:
+        """Return the rewards (...) of strokes from ``before`` (..., 3) to ``after`` (..., 3).
+
+        "strokes" is -1. "shaped" adds the change of a potential, minus the strokes still needed as a guess, that is
+        zero where the episode has ended: over an episode it adds a constant, so that the best policy stays the best.
+        """
+        stroke = np.full(before.shape[:-1], -1.0)
+        if self.reward == "strokes":
+            return stroke
+        return stroke + np.where(ended, 0.0, self._potential(after)) - self._potential(before)
+
+    def _potential(self, positions: FloatArray) -> FloatArray:
+        putt, metre = STROKES_TO_FINISH
+        return -(putt + metre * self.distance(positions))

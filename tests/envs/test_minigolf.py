@@ -1,0 +1,248 @@
+"""MiniGolf-v0: what Gymnasium, stable-baselines3 and the class docstring promise."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.error import ResetNeeded
+from gymnasium.utils.env_checker import check_env
+from stable_baselines3.common.env_checker import check_env as sb3_check_env
+
+import minigolf_env  # noqa: F401 (registers the environment)
+from minigolf_env.envs import MiniGolfEnv
+
+ROOT = Path(__file__).parents[2]
+
+
+def play(env: MiniGolfEnv, putts: int, seed: int) -> list[Any]:
+    """Return everything that random putts give, the resets included."""
+    env.action_space.seed(seed)
+    seen: list[Any] = [env.reset(seed=seed)]
+    for _ in range(putts):
+        seen.append(env.step(env.action_space.sample()))
+        if seen[-1][2]:
+            seen.append(env.reset())
+    return seen
+
+
+def same(a: Any, b: Any) -> bool:
+    """Return whether two structures of arrays and values are equal to the bit."""
+    if isinstance(a, np.ndarray):
+        return a.dtype == b.dtype and a.tobytes() == b.tobytes()
+    if isinstance(a, dict):
+        return a.keys() == b.keys() and all(same(a[key], b[key]) for key in a)
+    if isinstance(a, (list, tuple)):
+        return len(a) == len(b) and all(map(same, a, b))
+    return bool(a == b)
+
+
+@pytest.fixture
+def env() -> MiniGolfEnv:
+    """Return the default hole with a ball on the tee."""
+    made = MiniGolfEnv()
+    made.reset(seed=3)
+    return made
+
+
+@pytest.mark.parametrize("reward", ["strokes", "shaped"])
+def test_both_environment_checkers_accept_it(reward: str) -> None:
+    """Gymnasium's and stable-baselines3's checkers find nothing; a warning would be an error here."""
+    check_env(gym.make("MiniGolf-v0", reward=reward).unwrapped)
+    sb3_check_env(gym.make("MiniGolf-v0", reward=reward))
+
+
+def test_a_fresh_process_can_make_it_by_module_name() -> None:
+    """gym.make("minigolf_env:MiniGolf-v0") needs no import."""
+    code = "import gymnasium as gym; print(gym.make('minigolf_env:MiniGolf-v0').reset(seed=0)[1]['status'])"
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "tee"
+
+
+def test_render_modes_that_do_not_work_are_not_listed() -> None:
+    """The metadata promises no picture, and asking for one is refused."""
+    assert MiniGolfEnv.metadata["render_modes"] == []
+    with pytest.raises(ValueError, match="render_mode"):
+        MiniGolfEnv(render_mode="rgb_array")
+
+
+def test_same_seed_same_bits() -> None:
+    """Two environments with one seed agree in every bit, putt noise included."""
+    options: dict[str, Any] = {"putt_noise": (0.5, 0.015)}
+    assert same(play(MiniGolfEnv(**options), 30, seed=5), play(MiniGolfEnv(**options), 30, seed=5))
+    assert not same(play(MiniGolfEnv(**options), 3, seed=5), play(MiniGolfEnv(**options), 3, seed=6))
+
+
+def test_returned_types_are_plain(env: MiniGolfEnv) -> None:
+    """Reward is a float, the flags are bools, the observation a new float32 array inside its space."""
+    first, reward, terminated, truncated, info = env.step(np.array([0.1, 0.0], dtype=np.float32))
+    second = env.step(np.array([0.1, 0.0], dtype=np.float32))[0]
+    assert type(reward) is float and type(terminated) is bool and type(truncated) is bool
+    assert first.dtype == np.float32 and not np.shares_memory(first, second)
+    assert env.observation_space.contains(first)
+    assert [type(info[key]) for key in ("strokes", "is_success", "status", "shot_time", "bounces", "course")] == [
+        int,
+        bool,
+        str,
+        float,
+        int,
+        str,
+    ]
+
+
+def test_pickle_and_deepcopy_go_on_alike(env: MiniGolfEnv) -> None:
+    """A pickled and a copied environment continue like the original, random numbers included."""
+    twins = [pickle.loads(pickle.dumps(env)), copy.deepcopy(env)]  # noqa: S301 (our own bytes)
+    action = np.array([0.7, 0.2], dtype=np.float32)
+    expected = [env.step(action), env.reset()]
+    for twin in twins:
+        assert same(expected, [twin.step(action), twin.reset()])
+
+
+def test_set_state_goes_back(env: MiniGolfEnv) -> None:
+    """get_state and set_state repeat an episode bit for bit, also in another environment."""
+    state = env.get_state()
+    action = np.array([0.4, 0.3], dtype=np.float32)
+    expected = [env.step(action), env.step(action), env.reset()]
+    other = MiniGolfEnv()
+    other.reset(seed=99)
+    for player in (env, other):
+        player.set_state(state)
+        assert same(expected, [player.step(action), player.step(action), player.reset()])
+
+
+@pytest.mark.parametrize(
+    ("state", "word"),
+    [
+        ({"position": (0.6, 0.6, 0.0)}, "free space"),
+        ({"position": (np.nan, 0.6, 0.1)}, "finite"),
+        ({"position": (0.6, 0.6)}, "shape"),
+        ({"position": (50.0, 50.0, 1.0)}, "bounds"),
+        ({"position": (0.6, 0.6, 0.1), "strokes": 11}, "strokes"),
+        ({"position": (0.6, 0.6, 0.1), "strokes": 1.5}, "strokes"),
+        ({"strokes": 1}, "position"),
+        ({"position": (0.6, 0.6, 0.1), "stroke": 1}, "stroke"),
+        ({"position": (0.6, 0.6, 0.1), "np_random": {"bit_generator": "MT19937"}}, "np_random"),
+    ],
+)
+def test_a_bad_state_is_refused_and_changes_nothing(env: MiniGolfEnv, state: dict[str, Any], word: str) -> None:
+    """set_state takes all or nothing."""
+    before = env.get_state()
+    with pytest.raises(ValueError, match=word):
+        env.set_state(state)
+    assert env.get_state() == before
+
+
+@pytest.mark.parametrize("action", [[np.nan, 0.0], [np.inf, 0.0], [0.1], [[0.1, 0.2]], "left", [0.1, 0.2, 0.3], None])
+def test_a_bad_action_is_refused_and_changes_nothing(env: MiniGolfEnv, action: Any) -> None:
+    """An action of the wrong shape or value raises and leaves the state."""
+    before = env.get_state()
+    with pytest.raises(ValueError, match="action"):
+        env.step(action)
+    assert env.get_state() == before
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"course": "dogleh"}, "did you mean 'dogleg'"),
+        ({"course": "room"}, "cup"),
+        ({"reward": "shape"}, "did you mean 'shaped'"),
+        ({"observation": "pixels"}, "observation"),
+        ({"tee": "randon"}, "did you mean 'random'"),
+        ({"max_strokes": 0}, "max_strokes"),
+        ({"max_strokes": 2.5}, "max_strokes"),
+        ({"top_speed": -1.0}, "top_speed"),
+        ({"cup_radius": 0.01}, "cup"),
+        ({"putt_noise": (-1.0, 0.0)}, "putt_noise"),
+        ({"putt_noise": 0.1}, "putt_noise"),
+        ({"dt": 0.0}, "dt"),
+        ({"dt": np.nan}, "dt"),
+        ({"impact": "elastic"}, "impact"),
+    ],
+)
+def test_bad_arguments_are_named(options: dict[str, Any], words: str) -> None:
+    """A wrong argument is a ValueError that names it."""
+    with pytest.raises(ValueError, match=words):
+        MiniGolfEnv(**options)
+
+
+def test_playing_without_a_ball_is_refused() -> None:
+    """step before reset and after the end ask for a reset."""
+    env = MiniGolfEnv(max_strokes=1)
+    with pytest.raises(ResetNeeded):
+        env.step(np.zeros(2))
+    env.reset(seed=0)
+    assert env.step(np.zeros(2))[2]
+    with pytest.raises(ResetNeeded):
+        env.step(np.zeros(2))
+
+
+def test_the_last_stroke_terminates() -> None:
+    """After max_strokes the episode is terminated, not truncated, and the strokes left are observed."""
+    env = MiniGolfEnv(max_strokes=3)
+    observation, _ = env.reset(seed=0)
+    left = [observation[-1]]
+    ends = []
+    for _ in range(3):
+        observation, _, terminated, truncated, info = env.step(np.array([-0.01, 0.0]))
+        left.append(observation[-1])
+        ends.append((terminated, truncated))
+    assert np.allclose(left, [1.0, 2 / 3, 1 / 3, 0.0])
+    assert ends == [(False, False), (False, False), (True, False)]
+    assert info["strokes"] == 3 and not info["is_success"]
+
+
+def test_the_tee_is_random_or_fixed() -> None:
+    """Random starts fill the tee box and differ; the fixed one is its middle."""
+    env = MiniGolfEnv()
+    tee = env.task.course.tee
+    starts = np.array([env.reset(seed=seed) and env.get_state()["position"][:2] for seed in range(200)])
+    assert (starts >= tee.lower).all() and (starts <= tee.upper).all()
+    assert (np.ptp(starts, axis=0) > 0.9 * (np.array(tee.upper) - tee.lower)).all()
+    fixed = MiniGolfEnv(tee="fixed")
+    fixed.reset(seed=1)
+    assert np.allclose(fixed.get_state()["position"][:2], np.add(tee.lower, tee.upper) / 2)
+
+
+def test_a_dropped_ball_is_holed() -> None:
+    """A soft putt beside the cup drops in: terminated, with success, below the rim."""
+    env = MiniGolfEnv()
+    x, y, rim = env.task.cup.position
+    env.reset(options={"position": (x - 0.15, y, rim + env.task.world.ball_radius)})
+    speed = 0.9 / env.task.top_speed
+    _, reward, terminated, _, info = env.step(np.array([speed, 0.0]))
+    assert terminated and info["is_success"] and info["status"] == "holed" and info["strokes"] == 1
+    assert env.get_state()["position"][2] < rim
+    assert reward > -1.0
+
+
+def test_what_if_is_what_happens(env: MiniGolfEnv) -> None:
+    """what_if foretells step bit for bit and moves nothing."""
+    putts = np.random.default_rng(0).uniform(-1, 1, (20, 2)).astype(np.float32)
+    before = env.get_state()
+    outcome = env.what_if(putts)
+    assert env.get_state() == before
+    for putt, position, holed in zip(putts, outcome.position, outcome.holed, strict=True):
+        env.set_state(before)
+        info = env.step(putt)[4]
+        assert env.get_state()["position"] == tuple(position)
+        assert info["is_success"] == holed
+
+
+def test_noise_spreads_putts_around_the_aim() -> None:
+    """putt_noise turns direction and scales speed by the stated standard deviations."""
+    env = MiniGolfEnv(putt_noise=(2.0, 0.05), top_speed=2.0)
+    rngs = [np.random.default_rng(seed) for seed in range(4000)]
+    launched = env.task.launch(np.tile([0.5, 0.0], (4000, 1)), env.task.disturb(rngs))
+    degrees = np.degrees(np.arctan2(launched[:, 1], launched[:, 0]))
+    speeds = np.hypot(launched[:, 0], launched[:, 1])
+    assert degrees.std() == pytest.approx(2.0, rel=0.05) and abs(degrees.mean()) < 0.1
+    assert speeds.std() == pytest.approx(0.05, rel=0.05) and speeds.mean() == pytest.approx(1.0, abs=0.005)
