@@ -1,7 +1,6 @@
 """How well does a player play? Strokes over fixed seeds, with confidence intervals.
 
-    python -m agents.evaluate --policy search --episodes 50
-    python -m agents.evaluate --policy runs/dogleg-1/best.zip
+``python -m agents.evaluate --policy search --episodes 50``, or ``--policy runs/dogleg-1/best.zip``.
 """
 
 from __future__ import annotations
@@ -10,6 +9,7 @@ import json
 import math
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any, cast
 
 import gymnasium as gym
 import numpy as np
@@ -18,10 +18,8 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
+from minigolf_env.envs import MiniGolfEnv
 from minigolf_env.policies import Policy, load_policy
-
-FIRST_SEED = 1_000_000
-"""Episode i is seeded FIRST_SEED + i: far from the seeds that training uses."""
 
 Z = 1.96
 """Two-sided 95 % quantile of the normal distribution."""
@@ -35,6 +33,8 @@ class Args:
     """random, search, or a model's .zip file."""
     course: str = "dogleg"
     episodes: int = 100
+    first_seed: int = 1_000_000
+    """Episode i is seeded first_seed + i: far from the seeds that training uses."""
     max_strokes: int = 10
     putt_noise: tuple[float, float] = (0.0, 0.0)
     """Standard deviations of direction (degrees) and speed (share of it)."""
@@ -60,12 +60,12 @@ class Score:
     hole_in_one_interval: tuple[float, float]
 
 
-def play_episode(env: gym.Env, policy: Policy, seed: int) -> tuple[int, bool]:  # type: ignore[type-arg]
+def play_episode(env: gym.Env[Any, Any], policy: Policy, seed: int) -> tuple[int, bool]:
     """Return (strokes, holed) of one episode."""
     observation, info = env.reset(seed=seed)
     over = False
     while not over:
-        action = policy.act(observation, env.unwrapped)  # type: ignore[arg-type]
+        action = policy.act(observation, cast(MiniGolfEnv, env.unwrapped))
         observation, _, terminated, truncated, info = env.step(action)
         over = terminated or truncated
     return info["strokes"], info["is_success"]
@@ -76,7 +76,7 @@ def evaluate(policy: Policy, name: str, args: Args, quiet: bool = False) -> Scor
     env = gym.make(
         "minigolf_env:MiniGolf-v0", course=args.course, max_strokes=args.max_strokes, putt_noise=args.putt_noise
     )
-    seeds = range(FIRST_SEED, FIRST_SEED + args.episodes)
+    seeds = range(args.first_seed, args.first_seed + args.episodes)
     played = [
         play_episode(env, policy, seed)
         for seed in track(seeds, f"{name} plays {args.episodes} episodes", disable=quiet, transient=True)
@@ -89,7 +89,7 @@ def evaluate(policy: Policy, name: str, args: Args, quiet: bool = False) -> Scor
     return Score(
         policy=name,
         course=args.course,
-        first_seed=FIRST_SEED,
+        first_seed=args.first_seed,
         episodes=args.episodes,
         strokes=float(strokes.mean()),
         strokes_interval=(float(strokes.mean() - margin), float(strokes.mean() + margin)),

@@ -34,8 +34,8 @@ class SB3VecEnv(VecEnv):
 
     def reset(self) -> VecEnvObs:
         """Start new episodes, with the seeds that ``seed`` stored."""
-        stored = list(self._seeds)
-        observations, infos = self.envs.reset(seed=None if stored == [None] * self.num_envs else stored)
+        seeds: Any = None if self._seeds == [None] * self.num_envs else list(self._seeds)
+        observations, infos = self.envs.reset(seed=seeds)
         self.reset_infos = [_info_of(infos, i) for i in range(self.num_envs)]
         self._reset_seeds()
         self._reset_options()
@@ -50,7 +50,7 @@ class SB3VecEnv(VecEnv):
         observations, rewards, terminated, truncated, infos = self.envs.step(self._actions)
         dones = terminated | truncated
         by_env: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
-        for i in np.flatnonzero(dones):
+        for i in np.flatnonzero(dones).tolist():
             by_env[i] = _info_of(infos["final_info"], i)
             by_env[i]["terminal_observation"] = infos["final_obs"][i]
             by_env[i]["TimeLimit.truncated"] = bool(truncated[i] and not terminated[i])
@@ -78,7 +78,9 @@ class SB3VecEnv(VecEnv):
         """Call a method of the batch and return its result once for each environment asked for."""
         return [getattr(self.envs, method_name)(*args, **kwargs)] * len(list(self._get_indices(indices)))
 
-    def env_is_wrapped(self, wrapper_class: type[gym.Wrapper[Any, Any, Any, Any]], indices: VecEnvIndices = None) -> list[bool]:
+    def env_is_wrapped(
+        self, wrapper_class: type[gym.Wrapper[Any, Any, Any, Any]], indices: VecEnvIndices = None
+    ) -> list[bool]:
         """Return False for each environment: a native batch holds no wrapped ones."""
         return [False] * len(list(self._get_indices(indices)))
 

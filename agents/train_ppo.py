@@ -1,8 +1,7 @@
 """Train stable-baselines3's PPO on a hole, and end with a table: random, search, PPO.
 
-    python -m agents.train_ppo                               # about 10 minutes on two cores
-    python -m agents.train_ppo --resume runs/dogleg-1        # go on after an interruption
-    tensorboard --logdir runs
+``python -m agents.train_ppo`` takes less than 10 minutes on two cores; ``--resume runs/dogleg-1`` goes on after an
+interruption; ``tensorboard --logdir runs`` shows how it went.
 """
 
 from __future__ import annotations
@@ -10,7 +9,6 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import json
-import os
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -36,47 +34,67 @@ class Args:
     """The command line. Defaults are what worked best of what was tried; see README.md for what they reach."""
 
     course: str = "dogleg"
-    putts: int = 2_500_000
+    putts: int = 2_000_000
     """Putts to learn from."""
+    minutes: float = 7.0
+    """Longest time to learn (the closing table takes another minute or so); a resumed run starts with all of it."""
     seed: int = 0
     out: Path | None = None
     """Folder for checkpoints, log and scores, new; by default the first free one of runs/COURSE-1, -2, ..."""
     resume: Path | None = None
     """Go on with the run in this folder, with its arguments; all others on this command line are ignored."""
 
-    num_envs: int = 2048
-    n_steps: int = 4
+    num_envs: int = 512
+    n_steps: int = 8
     """Putts in each environment between two updates."""
-    batch_size: int = 4096
+    batch_size: int = 1024
     n_epochs: int = 8
     target_kl: float = 0.05
     """An update ends early when the policy has moved this far."""
-    learning_rate: float = 4e-3
-    """At the start; falls linearly to 0."""
+    learning_rate: float = 1e-3
+    """At the start; falls linearly to 0 as putts or minutes run out."""
     gamma: float = 0.9
     gae_lambda: float = 0.5
     clip_range: float = 0.2
     log_std_init: float = -0.5
     hidden: tuple[int, ...] = (64, 64)
 
-    check_every: int = 250_000
+    check_every: int = 50_000
     """Putts between two checkpoints, each evaluated; the best one is kept."""
     check_episodes: int = 200
+    check_seed: int = 2_000_000
+    """First seed of their episodes: not those of the closing table, which the best model is not chosen by."""
     final_episodes: int = 500
     """Episodes of the closing table for random and PPO."""
     search_episodes: int = 30
     """Episodes of the closing table for search, which thinks about every putt; 0 leaves search out."""
 
 
+class Schedule:
+    """The learning rate, falling linearly to 0 over the putts or the minutes, whichever run out first."""
+
+    def __init__(self, start: float, minutes: float) -> None:
+        self.start, self.seconds, self.began = start, 60.0 * minutes, time.monotonic()
+
+    @property
+    def time_left(self) -> float:
+        """The share of the minutes that is left, at least 0."""
+        return max(0.0, 1.0 - (time.monotonic() - self.began) / self.seconds)
+
+    def __call__(self, putts_left: float) -> float:
+        """Return the rate for the share of the putts that is left."""
+        return self.start * min(putts_left, self.time_left)
+
+
 class Checkpoints(BaseCallback):
-    """Saves the model every so often, and keeps the one that scored best over fixed seeds.
+    """Saves the model every so often, keeps the one that scored best over fixed seeds, and ends learning in time.
 
     Files are written beside their place and then moved there: an interruption leaves the last whole one.
     """
 
-    def __init__(self, args: Args, folder: Path) -> None:
+    def __init__(self, args: Args, folder: Path, schedule: Schedule) -> None:
         super().__init__()
-        self.args, self.folder = args, folder
+        self.args, self.folder, self.schedule = args, folder, schedule
         progress = folder / "progress.json"
         self.best = json.loads(progress.read_text())["best_strokes"] if progress.is_file() else float("inf")
         self.saved_at = 0
@@ -85,7 +103,7 @@ class Checkpoints(BaseCallback):
         self.saved_at = self.num_timesteps
 
     def _on_step(self) -> bool:
-        return True
+        return self.schedule.time_left > 0.0
 
     def _on_rollout_start(self) -> None:
         # Between an update and the next putts: what is saved is what played.
@@ -96,7 +114,9 @@ class Checkpoints(BaseCallback):
         """Save, evaluate, and keep the model if it is the best so far."""
         self.saved_at = self.num_timesteps
         checkpoint = self.save("checkpoint.zip")
-        options = evaluate.Args(course=self.args.course, episodes=self.args.check_episodes)
+        options = evaluate.Args(
+            course=self.args.course, episodes=self.args.check_episodes, first_seed=self.args.check_seed
+        )
         score = evaluate.evaluate(ModelPolicy(checkpoint), "PPO", options, quiet=True)
         self.logger.record("eval/strokes", score.strokes)
         self.logger.record("eval/holed", score.holed)
@@ -113,16 +133,16 @@ class Checkpoints(BaseCallback):
 
     def save(self, name: str) -> Path:
         """Save the model under a name in the run's folder and return its path."""
-        self.model.save(self.folder / f".{name}")
-        os.replace(self.folder / f".{name}", self.folder / name)
-        return self.folder / name
+        beside = self.folder / f".{name}"
+        self.model.save(beside)
+        return beside.replace(self.folder / name)
 
 
 def write(path: Path, text: str) -> None:
     """Write a text file so that it is never half there."""
     beside = path.with_name(f".{path.name}")
     beside.write_text(text)
-    os.replace(beside, path)
+    beside.replace(path)
 
 
 def make_envs(args: Args) -> VecMonitor:
@@ -133,13 +153,12 @@ def make_envs(args: Args) -> VecMonitor:
     return VecMonitor(SB3VecEnv(envs))
 
 
-def make_model(args: Args, envs: VecMonitor, folder: Path) -> PPO:
+def make_model(args: Args, envs: VecMonitor, folder: Path, schedule: Schedule) -> PPO:
     """Return a new learner."""
-    start = args.learning_rate
     return PPO(
         "MlpPolicy",
         envs,
-        learning_rate=lambda left: start * left,
+        learning_rate=schedule,
         n_steps=args.n_steps,
         batch_size=args.batch_size,
         n_epochs=args.n_epochs,
@@ -160,13 +179,16 @@ def make_model(args: Args, envs: VecMonitor, folder: Path) -> PPO:
 
 def train(args: Args, folder: Path) -> None:
     """Learn until the putts are played, from the folder's checkpoint if it has one; Ctrl-C saves and leaves."""
+    torch.set_num_threads(1)  # The networks are tiny: a second thread mostly waits for the first, at full load.
     envs = make_envs(args)
+    schedule = Schedule(args.learning_rate, args.minutes)
     resume = (folder / "checkpoint.zip").is_file()
     if resume:
-        model = PPO.load(folder / "checkpoint.zip", env=envs, device="cpu")
+        mine = {"learning_rate": schedule, "lr_schedule": schedule}
+        model = PPO.load(folder / "checkpoint.zip", env=envs, device="cpu", custom_objects=mine)
     else:
-        model = make_model(args, envs, folder)
-    checkpoints = Checkpoints(args, folder)
+        model = make_model(args, envs, folder, schedule)
+    checkpoints = Checkpoints(args, folder, schedule)
     try:
         # The numbers of putts add up over resumed runs, and so does the learning rate's way down.
         model.learn(
@@ -236,7 +258,9 @@ def main(args: Args) -> list[evaluate.Score]:
     train(args, folder)
     scores = final_table(args, folder)
     evaluate.print_scores(scores)
-    CONSOLE.print(f"{time.monotonic() - began:.0f} s in all. Model: {folder / 'best.zip'}; log: tensorboard --logdir {folder}")
+    CONSOLE.print(
+        f"{time.monotonic() - began:.0f} s in all. Model: {folder / 'best.zip'}; log: tensorboard --logdir {folder}"
+    )
     return scores
 
 

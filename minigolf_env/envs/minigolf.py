@@ -32,8 +32,8 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
     |---|---|---|
     | 0, 1, 2 | the ball's x, y, z | -1 and 1 at the course's bounds |
     | 3, 4, 5 | x, y, z of the way from the ball to the cup's rim | 1 is the bounds' diagonal in plan |
-    | 6, 7 | horizontal direction to the cup | a unit vector |
-    | 8 | square root of the horizontal distance to the cup, as is the speed it takes | 1 is that diagonal |
+    | 6, 7 | horizontal direction to the cup, as long as number 8: a straight putt is a multiple of it | as number 8 |
+    | 8 | square root of the horizontal distance to the cup, which the speed it takes goes with | 1 is the diagonal |
     | 9 | strokes left | 1 at the tee, 0 after the last |
 
     ## Reward

@@ -30,8 +30,8 @@ OBSERVATION = (
     "to cup x",
     "to cup y",
     "to cup z",
-    "cup direction x",
-    "cup direction y",
+    "straight putt x",
+    "straight putt y",
     "root of cup distance",
     "strokes left",
 )
@@ -183,9 +183,10 @@ class Task:
         place = 2.0 * (positions - lower) / (upper - lower) - 1.0
         to_cup = np.asarray(self.cup.position) - positions
         away = np.hypot(to_cup[..., 0], to_cup[..., 1])[..., None]
-        direction = to_cup[..., :2] / np.maximum(away, 1e-9)
+        root = np.sqrt(away / reach)
+        straight = root * to_cup[..., :2] / np.maximum(away, 1e-9)
         left = np.asarray(1.0 - np.asarray(strokes) / self.max_strokes)[..., None]
-        numbers = [place, to_cup / reach, direction, np.sqrt(away / reach), left]
+        numbers = [place, to_cup / reach, straight, root, left]
         return np.asarray(np.clip(np.concatenate(numbers, axis=-1), -1.0, 1.0), dtype=np.float32)
 
     def rewards(self, before: FloatArray, after: FloatArray, ended: NDArray[np.bool_]) -> FloatArray:

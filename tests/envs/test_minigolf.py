@@ -175,7 +175,7 @@ def test_bad_arguments_are_named(options: dict[str, Any], words: str) -> None:
 
 
 def test_playing_without_a_ball_is_refused() -> None:
-    """step before reset and after the end ask for a reset."""
+    """A step before reset and after the end ask for a reset."""
     env = MiniGolfEnv(max_strokes=1)
     with pytest.raises(ResetNeeded):
         env.step(np.zeros(2))

@@ -92,7 +92,11 @@ def test_spaces_and_metadata() -> None:
 
 @pytest.mark.parametrize(
     ("options", "word"),
-    [({"num_envs": 0}, "num_envs"), ({"autoreset_mode": "Never"}, "autoreset_mode"), ({"render_mode": "human"}, "render")],
+    [
+        ({"num_envs": 0}, "num_envs"),
+        ({"autoreset_mode": "Never"}, "autoreset_mode"),
+        ({"render_mode": "human"}, "render"),
+    ],
 )
 def test_bad_arguments_are_named(options: dict[str, Any], word: str) -> None:
     """A wrong argument is a ValueError that names it."""

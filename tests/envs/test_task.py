@@ -32,8 +32,9 @@ def test_below_the_rim_means_holed_only_without_the_energy_to_leave(task: Task) 
     up = np.array([0.0, 0.0, 1.0])
     assert task.is_holed(position, 0.99 * escape * up)
     assert not task.is_holed(position, 1.01 * escape * up)
-    assert not task.is_holed(position + [0.0, 0.0, 0.06], 0.0 * up), "above the rim"
-    assert not task.is_holed(position + [1.01 * task.cup.radius, 0.0, 0.0], 0.0 * up), "beside the cup"
+    aside = np.array([1.01 * task.cup.radius, 0.0, 0.0])
+    assert not task.is_holed(position + 0.06 * up, 0.0 * up), "above the rim"
+    assert not task.is_holed(position + aside, 0.0 * up), "beside the cup"
 
 
 def test_distance_is_zero_at_the_cup_and_shrinks_along_the_route(task: Task) -> None:
@@ -57,9 +58,7 @@ def test_shaping_adds_a_constant_to_every_episode(task: Task) -> None:
     totals = []
     for strokes in (1, 2, 5):
         places = [start, *rng.uniform(0.1, 1.0, (strokes, 3))]
-        rewards = [
-            shaped.rewards(places[i], places[i + 1], np.array(i + 1 == strokes)).item() for i in range(strokes)
-        ]
+        rewards = [shaped.rewards(places[i], places[i + 1], np.array(i + 1 == strokes)).item() for i in range(strokes)]
         totals.append(sum(rewards) + strokes)
     assert totals == pytest.approx([totals[0]] * 3)
     assert make_task(reward="strokes").rewards(start, start, np.array(False)) == -1.0

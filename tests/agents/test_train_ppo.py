@@ -1,0 +1,69 @@
+"""The training program on a tiny budget."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from pathlib import Path
+
+import pytest
+from stable_baselines3 import PPO
+
+from agents import train_ppo
+
+TINY = train_ppo.Args(
+    putts=256,
+    num_envs=16,
+    n_steps=4,
+    batch_size=64,
+    check_every=128,
+    check_episodes=2,
+    final_episodes=2,
+    search_episodes=0,
+)
+
+
+def test_a_run_learns_saves_and_scores(tmp_path: Path) -> None:
+    """All putts are played; checkpoint, best model, arguments and scores are in the folder; it is never overwritten."""
+    folder = tmp_path / "run"
+    scores = train_ppo.main(dataclasses.replace(TINY, out=folder))
+    assert [score.policy for score in scores] == ["random", "PPO"]
+    assert PPO.load(folder / "checkpoint.zip").num_timesteps == TINY.putts
+    assert json.loads((folder / "scores.json").read_text())[1]["episodes"] == TINY.final_episodes
+    assert {file.name for file in folder.iterdir()} >= {"best.zip", "args.json", "progress.json"}
+    assert not [file for file in folder.iterdir() if file.name.startswith(".")], "half-written files"
+    with pytest.raises(SystemExit, match="exists"):
+        train_ppo.main(dataclasses.replace(TINY, out=folder))
+
+
+def test_an_interrupted_run_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ctrl-C saves; --resume plays just the putts that were left, with the run's own arguments."""
+    folder = tmp_path / "run"
+
+    def interrupt(callback: train_ppo.Checkpoints) -> bool:
+        if callback.num_timesteps >= TINY.putts / 2:
+            raise KeyboardInterrupt
+        return True
+
+    with monkeypatch.context() as patched:
+        patched.setattr(train_ppo.Checkpoints, "_on_step", interrupt)
+        with pytest.raises(SystemExit, match="--resume"):
+            train_ppo.main(dataclasses.replace(TINY, out=folder))
+    interrupted = PPO.load(folder / "checkpoint.zip").num_timesteps
+    assert TINY.putts / 2 <= interrupted < TINY.putts
+    train_ppo.main(train_ppo.Args(resume=folder))
+    model = PPO.load(folder / "checkpoint.zip")
+    assert model.num_timesteps == TINY.putts and model.n_envs == TINY.num_envs
+
+
+def test_resuming_nothing_is_refused(tmp_path: Path) -> None:
+    """A folder without a run ends the program with one line."""
+    with pytest.raises(SystemExit, match="resume"):
+        train_ppo.main(train_ppo.Args(resume=tmp_path))
+
+
+def test_the_learning_rate_falls_to_zero() -> None:
+    """It is proportional to the share of the putts left, and ends with the minutes."""
+    schedule = train_ppo.Schedule(1e-3, minutes=60.0)
+    assert schedule(0.5) == pytest.approx(0.5e-3) and schedule(0.0) == 0.0
+    assert train_ppo.Schedule(1e-3, minutes=1e-9)(1.0) == 0.0

@@ -1,0 +1,139 @@
+"""What holds whatever the room: no penetration, no escape, no endless step, no NaN, the same bits in a batch."""
+
+import numba
+import numpy as np
+import pytest
+
+from minigolf_env.physics import Shot, Status, Surface, World
+from tests.physics.scenes import BALL, FloatArray, G, box, free_starts, mesh, random_room, room, rotation
+
+ROOMS = 40
+
+
+def is_inside(frame: FloatArray, p: FloatArray) -> bool:
+    """Return whether points (N, 3) are in the room that ``frame`` turns and scales."""
+    unit = p @ np.linalg.inv(frame).T
+    return bool((np.abs(unit[:, :2]) <= 0.5).all() and (unit[:, 2] >= 0.0).all() and (unit[:, 2] <= 1.0).all())
+
+
+@pytest.mark.parametrize("seed", range(ROOMS))
+def test_ball_never_penetrates_and_never_escapes(seed: int) -> None:
+    """After every step and at every bounce the clearance is at least -1e-12 of the scale, inside the room, in time."""
+    rng = np.random.default_rng(seed)
+    world, frame = random_room(rng)
+    for p in free_starts(rng, world, frame, 12):
+        v = rng.normal(size=3) * rng.choice([0.01, 1.0, 10.0, 30.0]) / np.sqrt(3)
+        shot = world.simulate(p, v, max_time=200 * world.dt, record=True)
+        assert world.clearance(shot.path).min() >= -1e-12 * world.scale
+        if shot.bounces:
+            assert world.clearance(shot.contacts["position"]).min() >= -1e-12 * world.scale
+        assert is_inside(frame, shot.path)
+        assert shot.exhausted == 0
+        assert np.isfinite(shot.velocity).all()
+
+
+@pytest.mark.parametrize("impact", ["average", "conservative"])
+def test_thin_walls_stop_fast_balls(impact: str) -> None:
+    """At 30 m/s and dt = 1/60, half a metre a step, no ball passes a wall of 1 cm, of 1 mm or of no thickness."""
+    rng = np.random.default_rng(2)
+    for thickness in (0.01, 0.001, 0.0):
+        turn = rotation(rng)
+        half = 0.5 * thickness
+        wall = mesh(box([-half, -2, -2], [half, 2, 4]), Surface(damping=0.9), turn, two_sided=thickness == 0.0)
+        world = World([mesh(room(2.0), Surface(damping=0.9), turn), wall], dt=1 / 60, impact=impact)
+        starts = np.tile(turn @ [0.5, 0.0, 1.0], (100, 1))
+        ways = rng.normal(size=(100, 3))
+        ways *= 30.0 / np.linalg.norm(ways, axis=1, keepdims=True)
+        shots = world.simulate_batch(starts, ways, max_time=3.0)
+        assert (shots.position @ turn[:, 0] >= half + world.ball_radius - 1e-9).all()
+        assert shots.exhausted.sum() == 0
+
+
+@pytest.mark.parametrize("impact", ["average", "conservative"])
+def test_absurd_input_ends_without_penetration(impact: str) -> None:
+    """At 1e6 m/s with dt = 1 s steps may lose time, but they end, stay finite, in the room and out of its walls."""
+    rng = np.random.default_rng(3)
+    for speed in (1e3, 1e6):
+        turn = rotation(rng)
+        bodies = [room(2.0), box([-0.3, -0.3, 0.2], [0.3, 0.3, 0.5])]
+        world = World([mesh(b, Surface(damping=rng.random()), turn) for b in bodies], dt=1.0, impact=impact)
+        for _ in range(20):
+            v = rng.normal(size=3)
+            shot = world.simulate(turn @ [0.6, 0.6, 1.2], speed * v / np.linalg.norm(v), max_time=20.0, record=True)
+            assert world.clearance(shot.path).min() >= -1e-12 * world.scale
+            assert is_inside(2.0 * turn, shot.path)
+            assert np.isfinite(shot.velocity).all()
+
+
+def test_pocket_as_wide_as_the_ball_and_narrower() -> None:
+    """A slot of the ball's width takes it to its bottom, a narrower one holds it on its edges; neither holds time."""
+    for gap, low in ((2 * BALL, BALL), (1.9 * BALL, 0.5 + BALL * np.sqrt(1 - 0.95**2))):
+        surface = Surface(damping=0.6, restitution=0.3, tangential=1.0)
+        walls = [box([gap / 2, -1, 0], [1, 1, 0.5]), box([-1, -1, 0], [-gap / 2, 1, 0.5])]
+        world = World([mesh(room(2.0), surface), *(mesh(wall, surface) for wall in walls)])
+        shot = world.simulate([0.0, 0.0, 0.7], [0.0, 0.05, 0.0], max_time=60.0)
+        assert shot.status == Status.REST
+        assert shot.exhausted == 0
+        assert shot.position[2] == pytest.approx(low, abs=1e-9)
+
+
+@pytest.mark.parametrize("damping", [0.5, 0.8, 0.95])
+@pytest.mark.parametrize("degrees", [3, 10, 30])
+def test_corner_of_two_walls_lets_a_ball_come_to_rest(degrees: float, damping: float) -> None:
+    """A putt into the acute corner of two upright walls on a green ends at rest, and loses no time on the way."""
+    angle = np.radians(degrees)
+    corner = np.array([[0, 0], [3, 0], [3 * np.cos(angle), 3 * np.sin(angle)]])
+    vertices = np.array([[x, y, z] for z in (-0.1, 0.5) for x, y in corner])
+    walls = (vertices, np.array([[0, 3, 4], [0, 4, 1], [0, 2, 5], [0, 5, 3]]))
+    floor = mesh(box([-1, -1, -1], [4, 4, 0]), Surface(damping=0.5, rolling=0.05))
+    world = World([floor, mesh(walls, Surface(damping=damping))])
+    middle = np.array([np.cos(angle / 2), np.sin(angle / 2), 0.0])
+    for speed in (0.5, 1.0, 3.0):
+        for aside in (0.0, 0.01, 0.2):
+            start = 2.5 * middle + [0, 0, BALL]
+            way = -middle + aside * np.sin(angle / 2) * np.array([-middle[1], middle[0], 0.0])
+            shot = world.simulate(start, speed * way, max_time=60.0)
+            assert (shot.status, shot.exhausted) == (Status.REST, 0)
+
+
+def equal(shots: Shot, i: int, shot: Shot) -> bool:
+    """Return whether run i of a batch is, bit for bit, a single run."""
+    names = ("position", "velocity", "status", "time", "bounces", "exhausted")
+    return all(np.array_equal(getattr(shots, name)[i], getattr(shot, name)) for name in names)
+
+
+@pytest.mark.parametrize("count", [1, 2, 7, 33])
+def test_batch_is_the_loop_whatever_the_threads(count: int) -> None:
+    """simulate_batch and sweep_batch give the same bits as one call after the other, on one thread and on two."""
+    rng = np.random.default_rng(count)
+    world, frame = random_room(rng, gravity=(0, 0, -G))
+    starts = free_starts(rng, world, frame, 200)[:count]
+    velocities = rng.uniform(-3, 3, starts.shape)
+    single = [world.simulate(p, v, max_time=2.0) for p, v in zip(starts, velocities)]
+    sweeps = [world.sweep(p, p + v) for p, v in zip(starts, velocities)]
+    threads = numba.get_num_threads()
+    try:
+        for n in {1, threads}:
+            numba.set_num_threads(n)
+            shots = world.simulate_batch(starts, velocities, max_time=2.0)
+            assert all(equal(shots, i, shot) for i, shot in enumerate(single))
+            hits = world.sweep_batch(starts, starts + velocities)
+            for i, hit in enumerate(sweeps):
+                assert (hits.hit[i], hits.alpha[i], hits.triangle[i]) == (hit.hit, hit.alpha, hit.triangle)
+                assert np.array_equal(hits.normal[i], hit.normal)
+            assert np.array_equal(world.clearance(starts), [world.clearance(p) for p in starts])
+    finally:
+        numba.set_num_threads(threads)
+    assert len(starts) == count
+
+
+def test_runs_do_not_disturb_each_other() -> None:
+    """A world keeps nothing between runs: the same shot gives the same bits after any other."""
+    rng = np.random.default_rng(5)
+    world, frame = random_room(rng)
+    p, q = free_starts(rng, world, frame, 100)[:2]
+    first = world.simulate(p, [1.0, 2.0, 3.0], max_time=2.0, record=True)
+    world.simulate(q, [-3.0, 1.0, 0.0], max_time=2.0)
+    again = world.simulate(p, [1.0, 2.0, 3.0], max_time=2.0, record=True)
+    assert np.array_equal(first.path, again.path)
+    assert np.array_equal(first.contacts, again.contacts)

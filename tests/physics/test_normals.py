@@ -1,0 +1,54 @@
+"""Face normals are right to the last bits, for slivers too."""
+
+from fractions import Fraction
+
+import mpmath
+import numpy as np
+import pytest
+
+from minigolf_env.physics.normals import face_normals
+from tests.physics.scenes import FloatArray
+
+
+def exact_normal(triangle: FloatArray) -> FloatArray:
+    """Return the unit normal from exact rational products and a 50-digit root."""
+    a, b, c = ([Fraction(x) for x in corner.tolist()] for corner in triangle)
+    e, f = [y - x for x, y in zip(a, b)], [y - x for x, y in zip(a, c)]
+    n = [e[(k + 1) % 3] * f[(k + 2) % 3] - e[(k + 2) % 3] * f[(k + 1) % 3] for k in range(3)]
+    with mpmath.workdps(50):
+        parts = [mpmath.mpf(x.numerator) / x.denominator for x in n]
+        length = mpmath.sqrt(sum(x * x for x in parts))
+        return np.array([float(x / length) for x in parts])
+
+
+@pytest.mark.parametrize("height", [1.0, 1e-3, 1e-6, 1e-9, 1e-12])
+@pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
+def test_normals_are_exact(height: float, size: float) -> None:
+    """A triangle of any shape, size and place has the normal that exact arithmetic gives it, within 1e-15."""
+    rng = np.random.default_rng(1)
+    triangles = rng.uniform(-1, 1, (100, 3, 3)) * size
+    along = triangles[:, 0] + rng.random((100, 1)) * (triangles[:, 1] - triangles[:, 0])
+    triangles[:, 2] = along + height * size * rng.normal(size=(100, 3))
+    exact = np.array([exact_normal(triangle) for triangle in triangles])
+    assert np.abs(face_normals(triangles) - exact).max() < 1e-15
+
+
+def test_triangles_without_area_have_no_normal() -> None:
+    """Points, segments and collinear corners get zeros, and neither NaN nor a warning."""
+    a, b = np.array([0.25, 1.5, -2.0]), np.array([1.25, -0.5, 3.0])
+    flat = np.array([[a, a, a], [a, a, b], [a, b, a], [b, a, a], [a, 0.5 * (a + b), b], 0.0 * np.array([a, a, b])])
+    assert not face_normals(flat).any()
+
+
+def test_winding_gives_the_sign() -> None:
+    """Turning a triangle over negates its normal exactly; turning its corners round keeps it to rounding."""
+    triangles = np.random.default_rng(2).uniform(-1, 1, (100, 3, 3))
+    assert np.array_equal(face_normals(triangles[:, [0, 2, 1]]), -face_normals(triangles))
+    assert face_normals(triangles[:, [1, 2, 0]]) == pytest.approx(face_normals(triangles), abs=1e-15)
+
+
+@pytest.mark.parametrize("k", [-1000, -60, 60, 500])
+def test_size_does_not_matter(k: int) -> None:
+    """A power of two in every coordinate changes no bit of a normal."""
+    triangles = np.random.default_rng(3).uniform(-1, 1, (100, 3, 3))
+    assert np.array_equal(face_normals(triangles * 2.0**k), face_normals(triangles))

@@ -1,0 +1,136 @@
+"""Queries on a world: one-sided and two-sided meshes, clearance, and what lies inside a solid."""
+
+import math
+
+import numpy as np
+import pytest
+
+from minigolf_env.physics import Surface, TriangleMesh, World
+from tests.physics.scenes import (
+    BALL,
+    FloatArray,
+    box,
+    cone,
+    free_starts,
+    grid,
+    holed_floor,
+    inwards,
+    mesh,
+    random_room,
+    room,
+    sphere,
+    tetrahedron,
+)
+
+SOLIDS = {
+    "box": box([-0.5, -0.3, -0.2], [0.4, 0.6, 0.3]),
+    "sphere": sphere([0.1, 0.0, 0.0], 0.5, 7, 5),
+    "needle": cone([0.0, 0.0, -0.5], 0.2, 1.5),
+    "tetrahedron": tetrahedron([0.0, 0.0, 0.0], 0.7),
+}
+
+
+def test_closed_meshes_are_invisible_from_behind() -> None:
+    """A sphere that leaves a solid, or comes into a room from outside, meets nothing; the other way it collides."""
+    solid, hall = World([mesh(box([-1, -1, -1], [1, 1, 1]))]), World([mesh(inwards(box([-1, -1, -1], [1, 1, 1])))])
+    inside, outside = [0.1, 0.2, 0.3], [3.0, 0.2, 0.3]
+    assert not solid.sweep(inside, outside).hit
+    assert solid.sweep(outside, inside).alpha == pytest.approx((2.0 - BALL) / 2.9, abs=1e-12)
+    assert not hall.sweep(outside, inside).hit
+    assert hall.sweep(inside, outside).alpha == pytest.approx((0.9 - BALL) / 2.9, abs=1e-12)
+
+
+@pytest.mark.parametrize("two_sided", [None, True])
+def test_open_meshes_stop_from_both_sides(two_sided: bool | None) -> None:
+    """An open mesh, or one made two-sided, stops a ball from above and from below."""
+    world = World([mesh(grid(2.0, 2), two_sided=two_sided)])
+    for z in (1.0, -1.0):
+        hit = world.sweep([0.1, 0.2, z], [0.1, 0.2, -z])
+        assert hit.alpha == pytest.approx(0.5 * (1 - BALL), abs=1e-12)
+        assert hit.normal.tolist() == [0, 0, z]
+
+
+def test_mesh_decided_one_sided_is_open_from_below() -> None:
+    """two_sided=False lets a ball pass an open floor against its normals."""
+    world = World([mesh(grid(2.0, 2), two_sided=False)])
+    assert world.sweep([0.1, 0.2, 1.0], [0.1, 0.2, -1.0]).hit
+    assert not world.sweep([0.1, 0.2, -1.0], [0.1, 0.2, 1.0]).hit
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_clearance_counts_down_to_the_collision(seed: int) -> None:
+    """A free path has clearance all along, and where the sweep collides the clearance is zero."""
+    rng = np.random.default_rng(seed)
+    world, frame = random_room(rng)
+    for start in free_starts(rng, world, frame, 20):
+        end = start + frame @ rng.uniform(-1, 1, 3)
+        hit = world.sweep(start, end)
+        path = start + np.linspace(0, hit.alpha, 50)[:, None] * (end - start)
+        assert world.clearance(path).min() >= -1e-12 * world.scale
+        if hit.hit:
+            assert world.clearance(path[-1]) == pytest.approx(0.0, abs=1e-11)
+            touched = path[-1] - world.ball_radius * hit.normal
+            corners = np.concatenate([body.triangles for body in world.meshes])[hit.triangle]
+            spot = World([TriangleMesh(corners, [[0, 1, 2]])], ball_radius=world.ball_radius)
+            assert spot.clearance(touched) == pytest.approx(-world.ball_radius, abs=1e-6)
+
+
+def places(kind: str, inside: bool, rng: np.random.Generator) -> FloatArray:
+    """Return points near the faces, edges and corners of a solid, on one side of it."""
+    vertices, faces = SOLIDS[kind]
+    corners = vertices[faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    middle = vertices.mean(axis=0)
+    spots = np.concatenate([corners.mean(axis=1), corners[:, :2].mean(axis=1), corners[:, 0]])
+    share = rng.uniform(0.02, 0.9, (len(spots), 1))
+    # Towards the middle is inside, away from it outside, since all these solids are convex.
+    return middle + (spots - middle) * ((1 - share) if inside else (1 + share))
+
+
+@pytest.mark.parametrize("kind", SOLIDS)
+def test_balls_inside_a_solid_are_refused_and_those_outside_are_not(kind: str) -> None:
+    """Near faces, edges and corners alike a centre in the solid is refused, one outside is taken; so in a room."""
+    solid = World([mesh(SOLIDS[kind])], ball_radius=1e-6)
+    hall = World([mesh(inwards(SOLIDS[kind]))], ball_radius=1e-6)
+    for free, blocked, inside in ((solid, hall, False), (hall, solid, True)):
+        for p in places(kind, inside, np.random.default_rng(6)):
+            free.simulate(p, [0, 0, 0], max_time=free.dt)
+            with pytest.raises(ValueError, match="solid"):
+                blocked.simulate(p, [0, 0, 0])
+
+
+def test_solids_may_touch_and_overlap() -> None:
+    """Blocks side by side, stacked or pushed into each other and the floor leave all of the space around them free."""
+    blocks = [box([-0.5, -0.5, 0], [0, 0.5, 0.4]), box([0, -0.5, 0], [0.5, 0.5, 0.4])]
+    blocks += [box([-0.2, -0.2, 0.4], [0.2, 0.2, 0.6]), box([0.3, 0.3, -0.2], [0.7, 0.7, 0.5])]
+    world = World([mesh(room(2.0)), *(mesh(block) for block in blocks)])
+    points = np.random.default_rng(4).uniform([-1, -1, 0], [1, 1, 1], (3000, 3))
+    solid = np.zeros(len(points), bool)
+    for vertices, _ in blocks:
+        solid |= ((points > vertices.min(axis=0)) & (points < vertices.max(axis=0))).all(axis=1)
+    free = points[~solid & (world.clearance(points) > 0)]
+    assert len(free) > 1000
+    assert np.array_equal(world.require_free(free), free)
+
+
+@pytest.mark.parametrize(("offset", "speed"), [(0.0, 1.313), (0.2, 1.269), (0.4, 1.121), (0.5, 0.987), (0.6, 0.716)])
+def test_hole_captures_below_the_free_fall_speed(offset: float, speed: float) -> None:
+    """A ball that crosses a hole below the speed at which it falls by its radius in flight drops in."""
+    hole, r, g = 0.054, BALL, 9.81
+    flight = math.sqrt(hole**2 * (1 - offset**2)) + math.sqrt((hole - r) ** 2 - (offset * hole) ** 2)
+    limit = flight * math.sqrt(g / (2 * r))
+    assert limit == pytest.approx(speed, abs=1.5e-3)
+    world = World([mesh(holed_floor(0.054), Surface(restitution=0.3, tangential=1.0, rolling=0.0))])
+    for share in (0.3, 0.7, 0.98):
+        shot = world.simulate([-0.2, offset * hole, r], [share * limit, 0, 0], max_time=5.0)
+        assert shot.position[2] < -r
+
+
+def test_hole_lets_fast_balls_pass() -> None:
+    """Twice the free-fall speed carries a ball across the hole, and one aimed beside it rolls by."""
+    world = World([mesh(holed_floor(0.054), Surface(restitution=0.3, tangential=1.0, rolling=0.0))])
+    for y, speed in ((0.0, 2 * 1.313), (0.054 + BALL, 0.5), (0.2, 0.5)):
+        shot = world.simulate([-0.2, y, BALL], [speed, 0, 0], max_time=1.0)
+        assert shot.position[2] > 0.0
+        assert shot.position[0] > 0.2

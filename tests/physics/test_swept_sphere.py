@@ -1,0 +1,266 @@
+"""One sphere, one path, some triangles: the sweep is exact and has the symmetries of space."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from minigolf_env.physics import Hit, sweep_sphere
+from tests.physics.oracle import Sweep
+from tests.physics.scenes import FloatArray, grid, rotation
+
+VECTORS = dict(np.load(Path(__file__).parents[1] / "data" / "sweep_vectors.npz"))
+FLOOR = np.array([[[-1.0, -1.0, 0.0], [2.0, -1.0, 0.0], [-1.0, 2.0, 0.0]]])
+Case = tuple[FloatArray, FloatArray, float, FloatArray]
+
+
+def scale_of(start: FloatArray, end: FloatArray, radius: float, triangles: FloatArray) -> float:
+    """Return the largest number of a case, which its tolerance follows, m."""
+    return max(1.0, radius, *(float(np.abs(array).max()) for array in (start, end, triangles)))
+
+
+def fault_of(case: Case) -> str:
+    """Return what the oracle finds wrong with the package's answer to a case of one triangle."""
+    hit = sweep_sphere(*case)
+    if hit.hit and not (np.isfinite(hit.normal).all() and abs(np.linalg.norm(hit.normal) - 1.0) < 1e-12):
+        return f"normal {hit.normal} is not a unit vector"
+    return Sweep(*case[:3], case[3][0]).fault(hit.hit, hit.alpha, 4e-12 * scale_of(*case))
+
+
+def reference_faults(i: int) -> list[str]:
+    """Return in what the answer to a reference vector differs from the exact one, where that is clear."""
+    start, end, radius, triangle = (VECTORS[name][i] for name in ("start", "end", "radius", "triangle"))
+    alpha, normal, margin = float(VECTORS["alpha"][i]), VECTORS["normal"][i], VECTORS["margin"][i]
+    case = start, end, float(radius), triangle[None]
+    answer, scale, length = sweep_sphere(*case), scale_of(*case), float(np.linalg.norm(end - start))
+    faults = [fault_of(case)]
+    if VECTORS["hit"][i] and margin > 1e-6 * scale and alpha > 0.0:
+        speed = -float((end - start) @ normal) / length
+        if not answer.hit:
+            faults.append("missed")
+        if speed > 1e-3 and abs(answer.alpha - alpha) * length > 4e-12 * scale / speed:
+            faults.append(f"alpha {answer.alpha}, exact {alpha}")
+        if speed > 1e-3 and radius > 1e-3 and np.linalg.norm(answer.normal - normal) > 1e-6 * scale / speed:
+            faults.append(f"normal {answer.normal}, exact {normal}")
+    if not VECTORS["hit"][i] and margin > 4e-12 * scale and answer.hit and answer.alpha > 0.0:
+        faults.append("false hit")
+    return [fault for fault in faults if fault]
+
+
+@pytest.mark.parametrize("family", sorted(set(VECTORS["family"].tolist())))
+def test_reference_vectors_are_met(family: str) -> None:
+    """Verdict, alpha and normal agree with the exact answers in every family of the conformance data."""
+    wrong = [(int(i), faults) for i in np.flatnonzero(VECTORS["family"] == family) if (faults := reference_faults(i))]
+    assert not wrong, f"{len(wrong)} of 400, first: {wrong[0]}"
+
+
+def random_case(rng: np.random.Generator, family: str) -> Case:
+    """Return a case of a family: most aim at a point of the triangle, or just past its border."""
+    triangle, radius = rng.uniform(-1, 1, (3, 3)), float(rng.choice([0.02135, rng.uniform(0.005, 0.5)]))
+    if family == "sliver":
+        triangle[2] = triangle[0] + rng.random() * (triangle[1] - triangle[0])
+        triangle[2] += rng.normal(size=3) * 10.0 ** rng.uniform(-18, -3)
+    elif family == "degenerate":
+        triangle = triangle[[[0, 0, 0], [0, 0, 1], [0, 1, 0], [0, 1, 1]][rng.integers(4)]]
+    elif family == "needle and giant":
+        triangle[1:] *= 10.0 ** rng.uniform(-6, 3)
+    weights = rng.dirichlet([0.5, 0.5, 0.5])
+    target = weights @ triangle
+    way = rng.normal(size=3)
+    way /= np.linalg.norm(way)
+    exponents = {"tiny path": (-9, -3), "long path": (1, 4)}.get(family, (-2, 0.3))
+    length = 10.0 ** rng.uniform(*exponents)
+    aside = np.cross(way, rng.normal(size=3))
+    past = rng.choice([1.0, 1.0 - 1e-7, 1.0 + 1e-7, 0.999]) if family == "graze" else 1.2 * rng.random()
+    start = target + past * radius * aside / np.linalg.norm(aside) - way * length * rng.random()
+    if family in ("touching start", "inside start"):
+        start = target + way * radius * (1.0 if family == "touching start" else rng.random())
+        way = rng.normal(size=3)
+    if family == "far":
+        away = rng.uniform(-1, 1, 3) * 1e6
+        start, triangle = start + away, triangle + away
+    return start, start + way * length, radius, triangle[None]
+
+
+FAMILIES = ["random", "graze", "sliver", "degenerate", "needle and giant", "far", "tiny path", "long path"]
+
+
+@pytest.mark.parametrize("family", [*FAMILIES, "touching start", "inside start"])
+def test_generated_cases_are_exact(family: str) -> None:
+    """The exact oracle finds no missed, false or late collision in generated cases of the hard families."""
+    rng = np.random.default_rng(7)
+    cases = [random_case(rng, family) for _ in range(300)]
+    faults = [(i, fault_of(case)) for i, case in enumerate(cases)]
+    wrong = [(i, fault) for i, fault in faults if fault]
+    assert not wrong, f"{len(wrong)} of {len(cases)}, first: {wrong[0]}"
+
+
+coordinate = st.floats(-2, 2, allow_subnormal=False).map(lambda x: round(x, 3))
+vector = st.tuples(coordinate, coordinate, coordinate).map(np.array)
+soups = st.lists(st.tuples(vector, vector, vector), min_size=1, max_size=6).map(np.array)
+
+
+def same(a: Hit, b: Hit) -> bool:
+    """Return whether two answers are the same bits, the triangle's number aside."""
+    return a.hit == b.hit and a.alpha == b.alpha and np.array_equal(a.normal, b.normal)
+
+
+@settings(max_examples=200, deadline=None)
+@given(vector, vector, soups, st.integers(-30, 30))
+def test_powers_of_two_scale_a_sweep_bit_for_bit(start: FloatArray, end: FloatArray, soup: FloatArray, k: int) -> None:
+    """A world twice, or 2**k times, as large gives the same bits: no length is built in."""
+    unit = 2.0**k
+    answer = sweep_sphere(start, end, 0.25, soup)
+    scaled = sweep_sphere(unit * start, unit * end, unit * 0.25, unit * soup)
+    assert same(answer, scaled)
+    assert answer.triangle == scaled.triangle
+
+
+@settings(max_examples=200, deadline=None)
+@given(vector, vector, soups, st.permutations(range(6)))
+def test_order_of_triangles_does_not_matter(
+    start: FloatArray, end: FloatArray, soup: FloatArray, shuffle: list[int]
+) -> None:
+    """Shuffled triangles give the same bits, and the number of an equally placed triangle."""
+    order = [i for i in shuffle if i < len(soup)]
+    answer, shuffled = sweep_sphere(start, end, 0.25, soup), sweep_sphere(start, end, 0.25, soup[order])
+    assert same(answer, shuffled)
+    if answer.hit and len(np.unique(soup, axis=0)) == len(soup):
+        again = sweep_sphere(start, end, 0.25, soup[[order[shuffled.triangle]]])
+        assert same(answer, again)
+
+
+@settings(max_examples=100, deadline=None)
+@given(vector, vector, soups)
+def test_scan_is_the_first_of_its_triangles(start: FloatArray, end: FloatArray, soup: FloatArray) -> None:
+    """The answer for many triangles is the smallest alpha of the answers for each (in one common scale)."""
+    corner = np.full((1, 3, 3), 50.0)  # Far away: it gives all sweeps the same scale and meets none.
+    each = [sweep_sphere(start, end, 0.25, np.concatenate([soup[[i]], corner])).alpha for i in range(len(soup))]
+    assert sweep_sphere(start, end, 0.25, np.concatenate([soup, corner])).alpha == min(each)
+
+
+def clear_cases(count: int) -> list[tuple[Case, Hit]]:
+    """Return random cases with one triangle that collide at a clear angle, where moving the world keeps the verdict."""
+    rng, cases = np.random.default_rng(11), []
+    while len(cases) < count:
+        case = random_case(rng, "random")
+        hit = sweep_sphere(*case)
+        if hit.hit and 0.05 < hit.alpha < 0.95 and -hit.normal @ (case[1] - case[0]) > 0.05:
+            cases.append((case, hit))
+    return cases
+
+
+@pytest.mark.parametrize("kind", ["moved", "turned", "mirrored"])
+def test_space_is_the_same_everywhere(kind: str) -> None:
+    """Moving, turning or mirroring the world does the same to the answer, to rounding."""
+    rng = np.random.default_rng(3)
+    for (start, end, radius, triangles), hit in clear_cases(100):
+        turn = {"moved": np.eye(3), "turned": rotation(rng), "mirrored": np.diag([-1.0, 1.0, 1.0])}[kind]
+        shift = rng.uniform(-3, 3, 3) if kind == "moved" else np.zeros(3)
+        other = sweep_sphere(turn @ start + shift, turn @ end + shift, radius, triangles @ turn.T + shift)
+        assert other.hit
+        assert other.alpha == pytest.approx(hit.alpha, abs=1e-9)
+        assert other.normal == pytest.approx(turn @ hit.normal, abs=1e-7)
+
+
+def test_sphere_touches_at_alpha_and_not_before() -> None:
+    """At alpha the distance is the radius; halfway to alpha it is more."""
+    for (start, end, radius, triangles), hit in clear_cases(100):
+        sweep = Sweep(start, end, radius, triangles[0])
+        assert sweep.is_deeper(hit.alpha, -1e-11)
+        assert not sweep.is_deeper(hit.alpha, 1e-11)
+        assert not sweep.is_deeper(0.5 * hit.alpha, 0.0)
+
+
+def test_splitting_a_path_keeps_the_collision() -> None:
+    """A path cut before its collision has none in the first part and the same one in the second."""
+    for (start, end, radius, triangles), hit in clear_cases(100):
+        middle = start + 0.5 * hit.alpha * (end - start)
+        assert not sweep_sphere(start, middle, radius, triangles).hit
+        rest = sweep_sphere(middle, end, radius, triangles)
+        share = 0.5 * hit.alpha + rest.alpha * (1.0 - 0.5 * hit.alpha)
+        assert share == pytest.approx(hit.alpha, abs=1e-10)
+
+
+def test_hand_worked_face_edge_and_vertex() -> None:
+    """Unit paths onto a face, an edge and a vertex collide where Pythagoras says."""
+    r = 0.25
+    face = sweep_sphere([0, 0, 1], [0, 0, 0], r, FLOOR)
+    edge = sweep_sphere([0, -1.15, 1], [0, -1.15, 0], r, FLOOR)
+    vertex = sweep_sphere([-1.1, -1.1, 1], [-1.1, -1.1, 0], r, FLOOR)
+    assert face == Hit(True, 0.75, pytest.approx([0, 0, 1], abs=0), 0)
+    assert edge.alpha == pytest.approx(1 - math.sqrt(r**2 - 0.15**2), abs=1e-12)
+    assert edge.normal == pytest.approx([0, -0.6, 0.8], abs=1e-10)
+    assert vertex.alpha == pytest.approx(1 - math.sqrt(r**2 - 0.02), abs=1e-12)
+
+
+def test_collision_at_the_very_end_is_left_to_the_next_path() -> None:
+    """A path that ends in touching has alpha 1 and no hit; a path that goes on from there has alpha 0."""
+    assert sweep_sphere([0, 0, 1], [0, 0, 0.25], 0.25, FLOOR) == Hit(False, 1.0, pytest.approx([0, 0, 0], abs=0), -1)
+    assert sweep_sphere([0, 0, 0.25], [0, 0, 0], 0.25, FLOOR).alpha == 0.0
+
+
+@pytest.mark.parametrize("way", [[0, 0, 1], [1, 0, 0], [1, 0, 1e-9], [0, 0, 0]])
+def test_touching_is_colliding_only_when_approaching(way: list[float]) -> None:
+    """A sphere that touches and moves away, moves along, or does not move, does not collide."""
+    start = np.array([0.0, 0.0, 0.25])
+    assert not sweep_sphere(start, start + way, 0.25, FLOOR).hit
+
+
+def test_two_sided_triangles_stop_from_both_sides() -> None:
+    """A two-sided triangle answers a mirrored path with the mirrored normal."""
+    down, up = sweep_sphere([0, 0, 1], [0, 0, -1], 0.25, FLOOR), sweep_sphere([0, 0, -1], [0, 0, 1], 0.25, FLOOR)
+    assert down.alpha == up.alpha
+    assert np.array_equal(down.normal, -up.normal)
+
+
+def test_ties_go_to_the_steepest_approach_then_to_the_first_triangle() -> None:
+    """Of faces met at one instant the one hit head-on counts; of equal ones the first."""
+    wall = np.array([[[0.0, -9.0, -9.0], [0.0, 9.0, -9.0], [0.0, 0.0, 9.0]]])
+    floor = np.array([[[-9.0, -9.0, 0.0], [9.0, -9.0, 0.0], [0.0, 9.0, 0.0]]])
+    start, way = np.array([1.25, 0.0, 1.25]), np.array([-1.0, 0.0, -1.0])
+    both = np.concatenate([wall, floor, wall, floor])
+    assert sweep_sphere(start, start + 2 * way, 0.25, both).triangle == 0
+    assert sweep_sphere(start, start + 2 * way, 0.25, both[[1, 0]]).triangle == 0
+    # Both touched at the start (alpha 0 for both): the steeper counts, wherever it stands.
+    touching = np.array([0.25, 0.0, 0.25])
+    for order in ([0, 1], [1, 0]):
+        hit = sweep_sphere(touching, touching + np.array([-0.1, 0, -0.3]), 0.25, both[order])
+        assert hit.alpha == 0.0
+        assert np.array_equal(hit.normal, [0, 0, 1])
+
+
+def test_inner_edges_of_a_flat_floor_are_not_felt() -> None:
+    """On seams and vertices inside a flat floor the normal is the face's, to the last bit."""
+    vertices, faces = grid(4.0, 4)
+    for x, y in ((0.0, 0.0), (0.5, 0.5), (0.3, 0.0), (0.0, 0.7), (0.3, 0.3)):
+        hit = sweep_sphere([x - 0.1, y, 1], [x, y, 0], 0.25, vertices[faces])
+        assert np.array_equal(hit.normal, [0, 0, 1])
+        assert not sweep_sphere([x - 2, y, 0.25], [x + 2, y, 0.25], 0.25, vertices[faces]).hit
+
+
+def test_collision_approaches_the_normal_it_reports() -> None:
+    """The reported normal always looks against the path, also where a grazed edge gets its face's normal."""
+    rng = np.random.default_rng(5)
+    hits = 0
+    for _ in range(3000):
+        tilt = 10.0 ** rng.uniform(-11, -4, 2) * rng.choice([-1, 1], 2)
+        floor = np.array([[[0, -1, 0], [1, -1, tilt[0]], [0, 1, 0]], [[0, -1, 0], [0, 1, 0], [-1, -1, tilt[1]]]])
+        start = np.array([-0.01, 0.0, 0.02 + tilt[1] * 0.01 + rng.uniform(-2, 2) * 1e-12])
+        end = start + np.array([0.02, 0.0, rng.normal() * 1e-11])
+        hit = sweep_sphere(start, end, 0.02, floor)
+        hits += hit.hit
+        assert not hit.hit or hit.normal @ (end - start) < 0.0
+    assert hits > 100
+
+
+def test_grazing_within_the_tolerance_is_free() -> None:
+    """A sphere that comes over an edge, less deep than the tolerance all the way, does not collide."""
+    floor = np.array([[[0.0, -1.0, 0.0], [1.0, -1.0, 0.0], [0.0, 1.0, 0.0]]])
+    for length in (1e-3, 1e-2, 1e-1):
+        for depth in (0.0, 1e-13, 2e-13, 3e-13):
+            start, end = np.array([-length, -0.5, 0.02 - 1e-12 - depth]), np.array([length, -0.5, 0.02 + 1e-12 - depth])
+            assert not sweep_sphere(start, end, 0.02, floor).hit
