@@ -110,7 +110,7 @@ def wilson(successes: int, n: int) -> tuple[float, float]:
 
 def print_scores(scores: list[Score]) -> None:
     """Print one table, a row for each player."""
-    table = Table(title=f"{scores[0].course}: strokes over fixed seeds (95 % confidence intervals)")
+    table = Table(title=f"{scores[0].course}: fixed seeds, [95 % confidence intervals]")
     for column in ("player", "episodes", "mean strokes", "holed out", "hole-in-one"):
         table.add_column(column, justify="left" if column == "player" else "right")
     for score in scores:
@@ -118,7 +118,7 @@ def print_scores(scores: list[Score]) -> None:
         table.add_row(
             score.policy,
             str(score.episodes),
-            f"{score.strokes:.2f}  ({low:.2f} to {high:.2f})",
+            f"{score.strokes:.2f} [{low:.2f}, {high:.2f}]",
             _share(score.holed, score.holed_interval),
             _share(score.hole_in_one, score.hole_in_one_interval),
         )
@@ -126,7 +126,7 @@ def print_scores(scores: list[Score]) -> None:
 
 
 def _share(share: float, interval: tuple[float, float]) -> str:
-    return f"{share:.1%}  ({interval[0]:.1%} to {interval[1]:.1%})"
+    return f"{share:.1%} [{100 * interval[0]:.1f}, {100 * interval[1]:.1f}]"
 
 
 def main(args: Args) -> Score:

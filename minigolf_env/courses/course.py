@@ -169,9 +169,8 @@ class Course:
             bounds=self.bounds,
         )
         with _faults_of(f"course {self.name!r}"):
-            # Running a ball for one step is how a World says where there is no room for it.
             for position in self._places():
-                world.simulate(position, (0.0, 0.0, 0.0), max_time=dt)
+                world.require_free(position)
         return world
 
     def _places(self) -> Iterator[Point3]:

@@ -125,10 +125,16 @@ def resist(v: Vec3, a: Vec3, resistance: float, h: float) -> tuple[Vec3, float, 
 
 
 @kernel
-def stop(v: Vec3, end: Vec3) -> Vec3:
-    """Return the velocity ``end`` without its part along the first velocity v; zero where only rounding is left."""
+def stop(v: Vec3, end: Vec3, braking: float, eps: float) -> Vec3:
+    """Return the velocity ``end`` without its part along the first velocity v.
+
+    Zero where only rounding is left, or where ``braking`` (m/s^2) would end the ball's way within eps (m): across a
+    slope too gentle to roll down, each stop leaves a part of the speed sideways, and stops would follow without end.
+    """
     sideways = along(end, -dot(end, v) / dot(v, v), v)
-    return sideways if norm(sideways) > GRAZE * norm(v) else Vec3(0.0, 0.0, 0.0)
+    if norm(sideways) <= GRAZE * norm(v) or dot(sideways, sideways) <= 2.0 * eps * braking:
+        return Vec3(0.0, 0.0, 0.0)
+    return sideways
 
 
 @kernel

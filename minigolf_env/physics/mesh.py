@@ -68,6 +68,24 @@ class TriangleMesh:
         way = np.sign(edges[:, 1] - edges[:, 0])
         return not np.bincount(edge.reshape(-1), weights=way).any()
 
+    def winding_number(self, point: FloatArray) -> float:
+        """Return how often the mesh surrounds a point (3,): for a closed one 0 outside, 1 inside, -1 if wound inwards.
+
+        The sum of the solid angles of its triangles (A. Van Oosterom and J. Strackee, "The solid angle of a plane
+        triangle", IEEE Transactions on Biomedical Engineering 30, 1983).
+        """
+        a, b, c = np.moveaxis(self.triangles - point, 1, 0)
+        la, lb, lc = (np.linalg.norm(corner, axis=1) for corner in (a, b, c))
+        volume = np.sum(a * np.cross(b, c), axis=1)
+        spread = la * lb * lc + np.sum(a * b, axis=1) * lc + np.sum(b * c, axis=1) * la + np.sum(c * a, axis=1) * lb
+        return float(np.arctan2(volume, spread).sum() / (2.0 * np.pi))
+
+    @property
+    def volume(self) -> float:
+        """The volume a closed mesh encloses, m^3; negative if wound inwards, as a room is."""
+        a, b, c = np.moveaxis(self.triangles - self.vertices.mean(axis=0), 1, 0)
+        return float(np.sum(a * np.cross(b, c)) / 6.0)
+
     def __repr__(self) -> str:
         """Return the size and the kind."""
         sides = "two-sided" if self.two_sided else "one-sided"

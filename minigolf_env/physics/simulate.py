@@ -19,7 +19,7 @@ from minigolf_env.physics.contact import (
     surface_of,
 )
 from minigolf_env.physics.kernel import allocating_kernel, kernel
-from minigolf_env.physics.sweep import distance, is_buried, sweep
+from minigolf_env.physics.sweep import distance, sweep
 from minigolf_env.physics.types import FloatArray, Scene, Status, Vec3
 from minigolf_env.physics.vec3 import along, dot, norm, scale, vec3
 
@@ -55,7 +55,8 @@ def step(scene: Scene, p: Vec3, v: Vec3, contacts: FloatArray, log: FloatArray, 
     a, held, h = scene.gravity, 0, scene.dt
     still = dot(v, v) == 0.0
     for sub_step in range(MAX_SUB_STEPS):
-        net, span, stops = resist(v, a, rolling_resistance(contacts, held, scene.gravity), h)
+        resistance = rolling_resistance(contacts, held, scene.gravity)
+        net, span, stops = resist(v, a, resistance, h)
         if stops and span == 0.0:
             pull, held = _hemmed(scene, p, scene.gravity, 0.5 * scene.dt * scene.dt, contacts)
             if still or norm(pull) <= rolling_resistance(contacts, held, scene.gravity):
@@ -73,7 +74,7 @@ def step(scene: Scene, p: Vec3, v: Vec3, contacts: FloatArray, log: FloatArray, 
         if hit.row < 0:
             if not stops:
                 return Moved(p, end, 0.0, False, bounces, False)
-            v = stop(v, end)
+            v = stop(v, end, resistance - norm(a), scene.eps)
             held = release(contacts, held, v)
         else:
             v, lasts = rebound(scene, hit, average, end, a, net, span)
@@ -194,11 +195,7 @@ def sweep_range(
 
 
 @kernel
-def clearance_range(
-    first: int, last: int, scene: Scene, positions: FloatArray, clearances: FloatArray, buried: NDArray[np.bool_]
-) -> None:
-    """Write the distance from the skin of balls first to last - 1 to the nearest triangle, and who is in a solid."""
+def clearance_range(first: int, last: int, scene: Scene, positions: FloatArray, clearances: FloatArray) -> None:
+    """Write the distance from the skin of balls first to last - 1 to the nearest triangle."""
     for i in range(first, last):
-        p = vec3(positions[i])
-        clearances[i] = distance(scene, p) - scene.radius
-        buried[i] = is_buried(scene, p)
+        clearances[i] = distance(scene, vec3(positions[i])) - scene.radius

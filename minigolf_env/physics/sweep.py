@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +10,7 @@ from minigolf_env.physics.bvh import nearest_leaf, next_leaf_on_path, next_leaf_
 from minigolf_env.physics.kernel import kernel
 from minigolf_env.physics.swept_sphere import MISS, closest_point, corners, normal_of, sweep_triangle
 from minigolf_env.physics.types import RecordArray, Scene, Vec3
-from minigolf_env.physics.vec3 import add, along, dot, norm, scale, sub
+from minigolf_env.physics.vec3 import dot, norm, sub
 
 
 class Collision(NamedTuple):
@@ -104,42 +103,3 @@ def _distance_in_leaf(scene: Scene, leaf: int, p: Vec3) -> float:
     for i in range(node["first"], node["first"] + node["size"]):
         best = min(best, norm(offset(scene.triangles[i], p)))
     return best
-
-
-@kernel
-def is_buried(scene: Scene, p: Vec3) -> bool:
-    """Return whether the point p lies inside a solid: behind the closest point of the closed meshes.
-
-    At an edge or a vertex the faces that meet there decide together, each weighted by its angle (J. A. Baerentzen and
-    H. Aanaes, "Signed distance computation using the angle weighted pseudonormal", 2005).
-    """
-    nearest = distance(scene, p) + scene.eps
-    pseudonormal, towards = Vec3(0.0, 0.0, 0.0), Vec3(0.0, 0.0, 0.0)
-    leaf = next_leaf_within(scene.nodes, 0, p, nearest)
-    while leaf >= 0:
-        node = scene.nodes[leaf]
-        for i in range(node["first"], node["first"] + node["size"]):
-            triangle = scene.triangles[i]
-            q, n = offset(triangle, p), normal_of(triangle)
-            if norm(q) <= nearest and dot(n, n) > 0.0:
-                if not triangle["one_sided"]:
-                    return False
-                pseudonormal = along(pseudonormal, _angle(triangle, add(p, q), scene.eps), n)
-                towards = q
-        leaf = next_leaf_within(scene.nodes, node["skip"], p, nearest)
-    return dot(pseudonormal, towards) > 0.0
-
-
-@kernel
-def _angle(triangle: np.void, q: Vec3, eps: float) -> float:
-    """Return the angle that a triangle fills around its point q: 2 pi inside, pi on an edge, its own at a corner."""
-    on_edge = False
-    a, b, c = corners(triangle)
-    for _ in range(3):
-        ab, ac, aq = sub(b, a), sub(c, a), sub(q, a)
-        if norm(aq) <= eps:
-            return math.acos(min(1.0, max(-1.0, dot(ab, ac) / (norm(ab) * norm(ac)))))
-        edge = dot(ab, ab)
-        on_edge = on_edge or (edge > 0.0 and norm(sub(aq, scale(ab, dot(aq, ab) / edge))) <= eps)
-        a, b, c = b, c, a
-    return math.pi if on_edge else 2.0 * math.pi

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from itertools import pairwise
+from collections.abc import Sequence
 from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -19,6 +16,7 @@ from minigolf_env.physics.contact import MAX_CONTACTS
 from minigolf_env.physics.kernel import announced_compilation
 from minigolf_env.physics.mesh import TriangleMesh
 from minigolf_env.physics.normals import face_normals
+from minigolf_env.physics.parallel import in_parallel
 from minigolf_env.physics.sweep import sweep, sweep_scan
 from minigolf_env.physics.types import (
     IMPACT,
@@ -35,9 +33,6 @@ from minigolf_env.physics.types import (
 )
 
 IMPACTS = ("average", "conservative")
-
-CHUNKS = 4
-"""Pieces of a batch for each thread: putts differ in length, so the threads share more pieces than they are."""
 
 NOTHING = np.empty((0, 8))
 
@@ -149,7 +144,7 @@ class World:
         p, q = _same_length(_points(starts, "starts"), _points(ends, "ends"), "starts", "ends")
         n = len(p)
         alphas, normals, triangles = np.empty(n), np.empty((n, 3)), np.empty(n, np.int64)
-        _in_parallel(kernels.sweep_range, n, self._scene, p, q - p, alphas, normals, triangles)
+        in_parallel(kernels.sweep_range, n, self._scene, p, q - p, alphas, normals, triangles)
         return Hit(triangles >= 0, alphas, normals, triangles)  # type: ignore[arg-type]
 
     def step(self, position: ArrayLike, velocity: ArrayLike) -> tuple[FloatArray, FloatArray]:
@@ -158,7 +153,7 @@ class World:
         Raises:
             ValueError: wrong shapes, values that are not finite, or a ball that intersects a mesh.
         """
-        p, v = self.require_free(_point(position, "position")), _point(velocity, "velocity")
+        p, v = self._clear(_point(position, "position")), _point(velocity, "velocity")
         with announced_compilation():
             moved = kernels.step(self._scene, Vec3(*p), Vec3(*v), np.empty((MAX_CONTACTS, 4)), NOTHING, 0, 0.0)
         return np.array(moved.p), np.array(moved.v)
@@ -171,7 +166,7 @@ class World:
         Raises:
             ValueError: wrong shapes, values that are not finite, or a ball that intersects a mesh.
         """
-        p, v = self.require_free(_point(position, "position")), _point(velocity, "velocity")
+        p, v = self._clear(_point(position, "position")), _point(velocity, "velocity")
         steps = self._steps(max_time)
         run, scratch = (self._scene, Vec3(*p), Vec3(*v), steps), np.empty((MAX_CONTACTS, 4))
         with announced_compilation():
@@ -199,12 +194,12 @@ class World:
         p, v = _same_length(
             _points(positions, "positions"), _points(velocities, "velocities"), "positions", "velocities"
         )
-        self.require_free(p)
+        self._clear(p)
         n = len(p)
         status, times = np.empty(n, np.int8), np.empty(n)
         bounces, exhausted = np.empty(n, np.int64), np.empty(n, np.int64)
         steps = self._steps(max_time)
-        _in_parallel(kernels.simulate_range, n, self._scene, steps, p, v, status, times, bounces, exhausted)
+        in_parallel(kernels.simulate_range, n, self._scene, steps, p, v, status, times, bounces, exhausted)
         return Shot(p, v, status, times, bounces, exhausted)  # type: ignore[arg-type]
 
     def clearance(self, position: ArrayLike) -> Any:
@@ -218,32 +213,42 @@ class World:
         """
         several = np.ndim(position) == 2
         p = _points(position, "position") if several else _point(position, "position")[None]
-        clearances, _ = self._clearances(p)
+        clearances = np.empty(len(p))
+        in_parallel(kernels.clearance_range, len(p), self._scene, p, clearances)
         return clearances if several else float(clearances[0])
 
-    def _clearances(self, p: FloatArray) -> tuple[FloatArray, Any]:
-        clearances, buried = np.empty(len(p)), np.empty(len(p), np.bool_)
-        _in_parallel(kernels.clearance_range, len(p), self._scene, p, clearances, buried)
-        return clearances, buried
-
     def require_free(self, position: ArrayLike) -> FloatArray:
-        """Return centres (3,) or (N, 3) as an array if every ball is in free space.
+        """Return a centre (3,) as an array if a ball there is in free space: what an editor or a tee should ask.
+
+        Unlike ``clearance``, which has no side, this also finds a ball that is wholly inside a solid, or out of the
+        room. It looks at every triangle.
 
         Raises:
-            ValueError: a ball intersects a mesh or lies inside a solid, a wrong shape or values that are not finite.
+            ValueError: the ball intersects a mesh, is inside a solid or outside the room; a wrong shape or values that
+                are not finite.
         """
-        p = _points(position, "position") if np.ndim(position) == 2 else _point(position, "position")
+        p = self._clear(_point(position, "position"))
+        rooms = [mesh for mesh in self.meshes if not mesh.two_sided and mesh.volume < 0.0]
+        solids = [mesh for mesh in self.meshes if not mesh.two_sided and mesh.volume >= 0.0]
+        for mesh in solids:
+            if mesh.winding_number(p) > 0.5:
+                raise ValueError(f"position: expected a ball in free space, {p.tolist()} is inside {mesh.name!r}.")
+        if rooms and all(mesh.winding_number(p) > -0.5 for mesh in rooms):
+            raise ValueError(f"position: expected a ball in the room, {p.tolist()} is outside {rooms[0].name!r}.")
+        return p
+
+    def _clear(self, p: FloatArray) -> FloatArray:
+        """Return centres (3,) or (N, 3) unchanged, or raise a ValueError for the first ball that intersects a mesh."""
         centres = p.reshape(-1, 3)
-        clearances, buried = self._clearances(centres)
+        clearances = self.clearance(centres)
         scale = np.maximum(self.scale, np.abs(centres).max(axis=1, initial=0.0))
-        wrong = buried | (clearances < -2.0 * TOLERANCE * scale)
-        if wrong.any():
-            i = int(wrong.argmax())
-            fault = "inside a solid" if buried[i] else f"{-clearances[i]:.3g} m deep in a surface"
+        deep = clearances < -2.0 * TOLERANCE * scale
+        if deep.any():
+            i = int(deep.argmax())
             which = "position" if p.ndim == 1 else f"position {i}"
             raise ValueError(
-                f"{which}: expected a ball in free space, received {centres[i].tolist()}, {fault}; "
-                f"its centre must be at least {self.ball_radius:g} m from every triangle, in front of it."
+                f"{which}: expected a ball in free space, received {centres[i].tolist()}, {-clearances[i]:.3g} m deep "
+                f"in a surface; its centre must be at least {self.ball_radius:g} m from every triangle."
             )
         return p
 
@@ -261,22 +266,6 @@ def _records(corners: FloatArray) -> RecordArray:
             records[f"{corner}{axis}"] = points[:, i, k]
     records["number"] = np.arange(len(corners))
     return records
-
-
-def _in_parallel(run: Callable[..., None], n: int, *arguments: Any) -> None:
-    """Call run(first, last, *arguments) on pieces of range(n), on as many threads as numba is set to use.
-
-    Plain threads, because the kernels release the GIL: no threading layer that a fork breaks, no second compilation.
-    """
-    with announced_compilation():
-        threads = min(numba.get_num_threads(), n)
-        if threads <= 1:
-            return run(0, n, *arguments)
-        ends = np.linspace(0, n, min(n, CHUNKS * threads) + 1).astype(int).tolist()
-        with ThreadPoolExecutor(threads) as pool:
-            for done in [pool.submit(run, a, b, *arguments) for a, b in pairwise(ends)]:
-                done.result()
-    return None
 
 
 def _point(value: ArrayLike, what: str) -> FloatArray:

@@ -67,6 +67,17 @@ def test_a_contact_lasts_up_to_the_speed_that_is_gone_within_the_step(dt: float,
     assert bounces(world, BALL * normal, -limit * (1 + 1e-6) * normal) == 1
 
 
+def test_the_limit_is_the_same_late_in_a_step() -> None:
+    """A ball that meets the floor after a wall, with 0.6 dt left, is held up to the same speed: g dt / 2."""
+    floor, wall = mesh(grid(10.0, 1), Surface(restitution=0.5)), mesh(box([0, -5, -1], [1, 5, 1]), Surface(damping=1.0))
+    world = World([floor, wall])
+    # It falls at 0.6 g dt for 0.4 dt up to the wall, then at 0.9 g dt: the rebound of 0.45 g dt is held.
+    for share, count in ((0.1, 1), (0.3, 2)):
+        gap = 0.4 * (share + 0.5) + 0.3 * (share + 0.8)
+        start = [-BALL - 0.4 * DT, 0.0, BALL + gap * G * DT**2]
+        assert bounces(world, np.array(start), np.array([1.0, 0.0, -share * G * DT])) == count
+
+
 @pytest.mark.parametrize("impact", ["average", "conservative"])
 @pytest.mark.parametrize("speed", [1e-9, 1e-6, 1e-3, 1.0])
 def test_walls_do_not_hold_a_slow_ball(speed: float, impact: str) -> None:

@@ -1,0 +1,1 @@
+"""Measurements behind the claims: each script prints a table."""

@@ -1,0 +1,32 @@
+"""Batches on all cores."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
+from typing import Any
+
+import numba
+import numpy as np
+
+from minigolf_env.physics.kernel import announced_compilation
+
+CHUNKS = 4
+"""Pieces of a batch for each thread: putts differ in length, so the threads share more pieces than they are."""
+
+
+def in_parallel(run: Callable[..., None], n: int, *arguments: Any) -> None:
+    """Call run(first, last, *arguments) on pieces of range(n), on as many threads as numba is set to use.
+
+    Plain threads, because the kernels release the GIL: no threading layer that a fork breaks, no second compilation.
+    """
+    with announced_compilation():
+        threads = min(numba.get_num_threads(), n)
+        if threads <= 1:
+            return run(0, n, *arguments)
+        ends = np.linspace(0, n, min(n, CHUNKS * threads) + 1).astype(int).tolist()
+        with ThreadPoolExecutor(threads) as pool:
+            for done in [pool.submit(run, a, b, *arguments) for a, b in pairwise(ends)]:
+                done.result()
+    return None
