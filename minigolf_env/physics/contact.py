@@ -27,7 +27,7 @@ ROUNDING = 2.0**-48
 @kernel
 def hold(contacts: FloatArray, held: int, n: Vec3, rolling: float) -> int:
     """Add a lasting contact, in place of one with the same normal or the closest of a full set; return their number."""
-    row, closest = held, -1.0
+    row, closest = min(held, MAX_CONTACTS - 1), -1.0
     for i in range(held):
         likeness = dot(vec3(contacts[i]), n)
         apart = sub(vec3(contacts[i]), n)

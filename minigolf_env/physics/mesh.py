@@ -104,7 +104,10 @@ def _checked_vertices(vertices: ArrayLike, name: str) -> FloatArray:
 
 
 def _checked_faces(faces: ArrayLike, vertices: int, name: str) -> NDArray[np.int64]:
-    raw = np.asarray(faces)
+    try:
+        raw = np.asarray(faces)
+    except ValueError as error:
+        raise ValueError(f"{name}: faces: expected shape (F, 3), received rows of different lengths.") from error
     if raw.ndim != 2 or raw.shape[1] != 3 or len(raw) == 0:
         raise ValueError(
             f"{name}: faces: expected shape (F, 3) with F >= 1, received {raw.shape}; "

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minigolf_env.physics.contact import (
+    GRAZE,
     MAX_CONTACTS,
     hold,
     project,
@@ -27,7 +28,7 @@ MAX_SUB_STEPS = 64
 """Pieces of one time step, nearly always 1 to 6: the guarantee that every step ends."""
 
 PATIENCE = MAX_SUB_STEPS // 2
-"""Sub-steps after which every contact lasts, for a ball that rattles in a wedge without using up time."""
+"""Sub-steps after which every contact lasts and none leaves, for a ball that rattles in a wedge and uses up no time."""
 
 REST, OUT_OF_BOUNDS, TIME_LIMIT = int(Status.REST), int(Status.OUT_OF_BOUNDS), int(Status.TIME_LIMIT)
 
@@ -75,16 +76,20 @@ def step(scene: Scene, p: Vec3, v: Vec3, contacts: FloatArray, log: FloatArray, 
             if not stops:
                 return Moved(p, end, 0.0, False, bounces, False)
             v = stop(v, end, resistance - norm(a), scene.eps)
-            held = release(contacts, held, v)
+            if sub_step < PATIENCE:
+                held = release(contacts, held, v)
         else:
             v, lasts = rebound(scene, hit, average, end, a, net, span)
             if lasts or sub_step >= PATIENCE:
-                v = end
                 held = hold(contacts, held, hit.normal, surface_of(scene, hit)["rolling"])
-                if dot(v, hit.normal) > 0.0:  # It would rise and be back within the step: it neither sinks nor leaves.
-                    held = hold(contacts, held, scale(hit.normal, -1.0), 0.0)
-                v = project(contacts, held, v)
-                held = release(contacts, held, v)
+                if dot(end, hit.normal) > 0.0:  # It would rise and be back within the step: take that part too.
+                    v = project(contacts, hold(contacts, held, scale(hit.normal, -1.0), 0.0), end)
+                else:
+                    v = project(contacts, held, end)
+                if norm(v) <= GRAZE * norm(scene.gravity) * scene.dt:  # Rounding is left of a ball held fast.
+                    v = Vec3(0.0, 0.0, 0.0)
+                if sub_step < PATIENCE:
+                    held = release(contacts, held, v)
             else:
                 held = 0
                 _note(log, bounces, clock + (scene.dt - h), p, hit.normal, hit.order)

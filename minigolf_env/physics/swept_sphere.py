@@ -98,7 +98,7 @@ def sweep_triangle(p: Vec3, w: Vec3, radius: float, eps: float, triangle: np.voi
         if rate >= parallel:
             return MISS, none
         if gap <= eps:
-            if gap + (1.0 - t) * rate >= -eps:
+            if gap + (1.0 - t) * rate >= -eps or not _goes_deeper(a, b, c, ab, bc, ca, n, w, t, radius - eps):
                 return MISS, none
             break
         sooner = t - gap / rate
@@ -108,9 +108,32 @@ def sweep_triangle(p: Vec3, w: Vec3, radius: float, eps: float, triangle: np.voi
             break
         t = sooner
     height += t * wn
-    if abs(height) >= radius - 2.0 * eps and dot(n, n) > 0.0:
+    if abs(height) >= radius - 2.0 * eps and height * wn < 0.0:
         normal = scale(n, math.copysign(1.0, height))
     return t, normal
+
+
+@kernel
+def _goes_deeper(
+    a: Vec3, b: Vec3, c: Vec3, ab: Vec3, bc: Vec3, ca: Vec3, n: Vec3, w: Vec3, t: float, depth: float
+) -> bool:
+    """Return whether, after t, the centre comes closer than ``depth``: Newton's method once more, from a touch."""
+    parallel = -PARALLEL * norm(w)
+    for _ in range(MAX_NEWTON):
+        q = closest_point(along(a, -t, w), along(b, -t, w), along(c, -t, w), ab, bc, ca, n)
+        distance = norm(q)
+        rate = dot(_direction(q, distance, w, n), w)
+        if distance < depth:
+            return True
+        if rate >= parallel:
+            return False
+        sooner = t - (distance - depth) / rate
+        if sooner >= 1.0:
+            return False
+        if sooner <= t:
+            return True
+        t = sooner
+    return True
 
 
 @kernel

@@ -34,6 +34,7 @@ from minigolf_env.physics.types import (
 
 IMPACTS = ("average", "conservative")
 
+MOST_STEPS = 2**40
 NOTHING = np.empty((0, 8))
 
 
@@ -254,6 +255,10 @@ class World:
 
     def _steps(self, max_time: float) -> int:
         limit = positive_number(max_time, "max_time", "give the longest time to simulate in seconds.")
+        if limit > MOST_STEPS * self.dt:
+            raise ValueError(
+                f"max_time: expected {MOST_STEPS * self.dt:g} s at most, received {max_time!r}; give less."
+            )
         return max(1, math.ceil(limit / self.dt - 1e-9))
 
 
@@ -285,7 +290,11 @@ def _same_length(a: FloatArray, b: FloatArray, what_a: str, what_b: str) -> tupl
 def _checked_meshes(meshes: Sequence[TriangleMesh]) -> tuple[TriangleMesh, ...]:
     if isinstance(meshes, TriangleMesh):
         raise ValueError("meshes: expected a list of TriangleMesh, received one TriangleMesh; write World([mesh]).")
-    checked = tuple(meshes)
+    try:
+        checked = tuple(meshes)
+    except TypeError:
+        kind = type(meshes).__name__
+        raise ValueError(f"meshes: expected a list of TriangleMesh, received {kind}; write World([mesh]).") from None
     if not checked or not all(isinstance(mesh, TriangleMesh) for mesh in checked):
         received = [type(mesh).__name__ for mesh in checked]
         raise ValueError(f"meshes: expected at least one TriangleMesh, received {received}.")
