@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minigolf_env.physics.kernel import allocating_kernel, kernel
-from minigolf_env.physics.types import NODE, FloatArray, RecordArray, Vec3
+from minigolf_env.physics.types import NODE, ZERO, FloatArray, RecordArray, Vec3
 
 LEAF = 4
 """Triangles in a leaf: fewer cost more nodes, more cost more triangle tests."""
@@ -97,7 +97,7 @@ def _split(order: NDArray[np.int64], start: int, end: int, low: FloatArray, high
             boxes[b, k], boxes[b, 3 + k] = min(boxes[b, k], low[i, k]), max(boxes[b, 3 + k], high[i, k])
     best, plane = np.inf, 0
     for b in range(1, BINS):
-        cost = _cost(inside, boxes, 0, b) + _cost(inside, boxes, b, BINS)
+        cost = _cost(inside, boxes, ZERO, b) + _cost(inside, boxes, b, len(inside))
         if cost < best:
             best, plane = cost, b
 
@@ -119,20 +119,15 @@ def _bin(middle: float, origin: float, width: float) -> int:
 def _cost(inside: FloatArray, boxes: FloatArray, first: int, last: int) -> float:
     """Return the surface area heuristic's cost of bins first to last - 1: triangles times half their box's area."""
     total = 0.0
+    x0, y0, z0, x1, y1, z1 = math.inf, math.inf, math.inf, -math.inf, -math.inf, -math.inf
     for b in range(first, last):
         total += inside[b]
+        x0, y0, z0 = min(x0, boxes[b, 0]), min(y0, boxes[b, 1]), min(z0, boxes[b, 2])
+        x1, y1, z1 = max(x1, boxes[b, 3]), max(y1, boxes[b, 4]), max(z1, boxes[b, 5])
     if total == 0.0:
         return math.inf
-    x, y, z = _extent(boxes, 0, first, last), _extent(boxes, 1, first, last), _extent(boxes, 2, first, last)
+    x, y, z = x1 - x0, y1 - y0, z1 - z0
     return total * (x * y + y * z + z * x)
-
-
-@kernel
-def _extent(boxes: FloatArray, k: int, first: int, last: int) -> float:
-    lowest, highest = math.inf, -math.inf
-    for b in range(first, last):
-        lowest, highest = min(lowest, boxes[b, k]), max(highest, boxes[b, 3 + k])
-    return highest - lowest
 
 
 @kernel
@@ -181,7 +176,7 @@ def next_leaf_within(nodes: RecordArray, i: int, p: Vec3, reach: float) -> int:
 @kernel
 def nearest_leaf(nodes: RecordArray, p: Vec3) -> int:
     """Return a leaf near the point p, by always going into the nearer child: a first guess, not the nearest."""
-    i = 0
+    i = ZERO
     while nodes[i]["size"] == 0:
         other = nodes[i + 1]["skip"]
         i = i + 1 if distance_to_box(nodes, i + 1, p) <= distance_to_box(nodes, other, p) else other

@@ -55,7 +55,7 @@ def project(contacts: FloatArray, held: int, x: Vec3) -> Vec3:
 
     It is x itself, or x projected on one contact plane, on the crease of two, or zero.
     """
-    if _in_cone(contacts, held, x, -1, -1, 0.0):
+    if _in_cone(contacts, held, x, held, held, 0.0):
         return x
     slack = -ROUNDING * norm(x)
     for i in range(held):

@@ -21,7 +21,7 @@ from minigolf_env.physics.contact import (
 )
 from minigolf_env.physics.kernel import allocating_kernel, kernel
 from minigolf_env.physics.sweep import distance, sweep
-from minigolf_env.physics.types import FloatArray, Scene, Status, Vec3
+from minigolf_env.physics.types import ZERO, FloatArray, Scene, Status, Vec3
 from minigolf_env.physics.vec3 import along, dot, norm, scale, vec3
 
 MAX_SUB_STEPS = 64
@@ -53,7 +53,7 @@ def step(scene: Scene, p: Vec3, v: Vec3, contacts: FloatArray, log: FloatArray, 
 
     Bounces are noted in ``log`` (K, 8) as far as it has rows: time, centre, normal, triangle.
     """
-    a, held, h = scene.gravity, 0, scene.dt
+    a, held, h = scene.gravity, ZERO, scene.dt
     still = dot(v, v) == 0.0
     for sub_step in range(MAX_SUB_STEPS):
         resistance = rolling_resistance(contacts, held, scene.gravity)
@@ -113,7 +113,7 @@ def _hemmed(scene: Scene, p: Vec3, x: Vec3, span: float, contacts: FloatArray) -
 
     They are found one by one, by sweeping along what is left of x for a duration ``span``.
     """
-    left, held = x, 0
+    left, held = x, ZERO
     for _ in range(MAX_CONTACTS):
         hit = sweep(scene, p, scale(left, span))
         if hit.alpha > 0.0:
@@ -132,8 +132,8 @@ def simulate(
     Returns position, velocity, status, steps begun, time (s), bounces and exhausted steps. Positions after each step
     are written to ``path`` as far as it has rows (row 0 is the start), bounces to ``log``.
     """
-    _trace(path, 0, p)
-    bounces, exhausted = 0, 0
+    _trace(path, ZERO, p)
+    bounces, exhausted = ZERO, ZERO
     for k in range(max_steps):
         ball = step(scene, p, v, contacts, log, bounces, k * scene.dt)
         p, v, bounces = ball.p, ball.v, ball.bounces

@@ -9,7 +9,7 @@ import numpy as np
 from minigolf_env.physics.bvh import nearest_leaf, next_leaf_on_path, next_leaf_within
 from minigolf_env.physics.kernel import kernel
 from minigolf_env.physics.swept_sphere import MISS, closest_point, corners, normal_of, sweep_triangle
-from minigolf_env.physics.types import RecordArray, Scene, Vec3
+from minigolf_env.physics.types import ZERO, RecordArray, Scene, Vec3
 from minigolf_env.physics.vec3 import dot, norm, sub
 
 
@@ -51,7 +51,7 @@ def sweep(scene: Scene, p: Vec3, w: Vec3) -> Collision:
     """Return the first collision of the ball on its way from p to p + w."""
     best = no_collision()
     reach = scene.radius + scene.eps
-    leaf = next_leaf_on_path(scene.nodes, 0, p, w, reach)
+    leaf = next_leaf_on_path(scene.nodes, ZERO, p, w, reach)
     while leaf >= 0:
         node = scene.nodes[leaf]
         for i in range(node["first"], node["first"] + node["size"]):
@@ -89,7 +89,7 @@ def offset(triangle: np.void, p: Vec3) -> Vec3:
 def distance(scene: Scene, p: Vec3) -> float:
     """Return the distance from the point p to the nearest triangle."""
     best = _distance_in_leaf(scene, nearest_leaf(scene.nodes, p), p)
-    leaf = next_leaf_within(scene.nodes, 0, p, best)
+    leaf = next_leaf_within(scene.nodes, ZERO, p, best)
     while leaf >= 0:
         best = min(best, _distance_in_leaf(scene, leaf, p))
         leaf = next_leaf_within(scene.nodes, scene.nodes[leaf]["skip"], p, best)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,10 @@ RecordArray: TypeAlias = NDArray[np.void]
 
 TOLERANCE = 5e-13
 """Touching, as a share of the scene's scale: half of the guaranteed 1e-12, so that rounding cannot use it up."""
+
+
+ZERO = cast(int, np.int64(0))
+"""Where the kernels' counters start: to numba a plain 0 is a type of its own, for which it compiles callees again."""
 
 
 class Vec3(NamedTuple):
@@ -126,18 +130,18 @@ IMPACT = np.dtype([("time", "f8"), ("position", "f8", 3), ("normal", "f8", 3), (
 NODE = np.dtype(
     [
         *((name, "f8") for name in ("x", "y", "z", "half_x", "half_y", "half_z")),
-        *((name, "i4") for name in ("skip", "first", "size")),
+        *((name, "i8") for name in ("skip", "first", "size")),
     ],
     align=True,
 )
-"""A box of the bounding volume hierarchy, 64 bytes: its middle and half extents (m); the node after its subtree; a
+"""A box of the bounding volume hierarchy: its middle and half extents (m); the node after its subtree; a
 leaf's first triangle and number of triangles, 0 for an inner node. Nodes stand in depth-first order."""
 
 TRIANGLE = np.dtype(
     [
         *((f"{corner}{axis}", "f8") for corner in "abcn" for axis in "xyz"),
         ("number", "i8"),
-        ("surface", "i4"),
+        ("surface", "i8"),
         ("one_sided", "?"),
     ],
     align=True,
