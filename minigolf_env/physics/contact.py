@@ -167,3 +167,17 @@ def rebound(scene: Scene, hit: Collision, w: Vec3, v: Vec3, a: Vec3, net: Vec3, 
         return v, True
     sliding = along(incoming, -dot(incoming, n), n)
     return along(scale(sliding, tangential), restitution * approach, n), False
+
+
+@kernel
+def settle(scene: Scene, hit: Collision, contacts: FloatArray, held: int, v: Vec3) -> tuple[Vec3, int]:
+    """Let a contact last; return what it leaves of the velocity v, and how many contacts last now."""
+    n = hit.normal
+    held = hold(contacts, held, n, surface_of(scene, hit)["rolling"])
+    if dot(v, n) > 0.0:  # The ball would rise and be back within the step: take that part too.
+        v = project(contacts, hold(contacts, held, scale(n, -1.0), 0.0), v)
+    else:
+        v = project(contacts, held, v)
+    if norm(v) <= GRAZE * norm(scene.gravity) * scene.dt:  # Rounding, of a ball that is held fast.
+        v = Vec3(0.0, 0.0, 0.0)
+    return v, held

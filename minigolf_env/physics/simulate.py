@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minigolf_env.physics.contact import (
-    GRAZE,
     MAX_CONTACTS,
     hold,
     project,
@@ -16,6 +15,7 @@ from minigolf_env.physics.contact import (
     release,
     resist,
     rolling_resistance,
+    settle,
     stop,
     surface_of,
 )
@@ -76,24 +76,16 @@ def step(scene: Scene, p: Vec3, v: Vec3, contacts: FloatArray, log: FloatArray, 
             if not stops:
                 return Moved(p, end, 0.0, False, bounces, False)
             v = stop(v, end, resistance - norm(a), scene.eps)
-            if sub_step < PATIENCE:
-                held = release(contacts, held, v)
         else:
             v, lasts = rebound(scene, hit, average, end, a, net, span)
             if lasts or sub_step >= PATIENCE:
-                held = hold(contacts, held, hit.normal, surface_of(scene, hit)["rolling"])
-                if dot(end, hit.normal) > 0.0:  # It would rise and be back within the step: take that part too.
-                    v = project(contacts, hold(contacts, held, scale(hit.normal, -1.0), 0.0), end)
-                else:
-                    v = project(contacts, held, end)
-                if norm(v) <= GRAZE * norm(scene.gravity) * scene.dt:  # Rounding is left of a ball held fast.
-                    v = Vec3(0.0, 0.0, 0.0)
-                if sub_step < PATIENCE:
-                    held = release(contacts, held, v)
+                v, held = settle(scene, hit, contacts, held, end)
             else:
                 held = 0
                 _note(log, bounces, clock + (scene.dt - h), p, hit.normal, hit.order)
                 bounces += 1
+        if sub_step < PATIENCE:
+            held = release(contacts, held, v)
         a = project(contacts, held, scene.gravity)
     v, _ = _hemmed(scene, p, v, scene.dt, contacts)
     return Moved(p, v, 0.0, False, bounces, True)
