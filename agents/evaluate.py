@@ -126,7 +126,7 @@ def print_scores(scores: list[Score]) -> None:
 
 
 def _share(share: float, interval: tuple[float, float]) -> str:
-    return f"{share:.1%} [{100 * interval[0]:.1f}, {100 * interval[1]:.1f}]"
+    return f"{share:.1%} [{100 * interval[0]:.0f}, {100 * interval[1]:.0f}]"
 
 
 def main(args: Args) -> Score:
