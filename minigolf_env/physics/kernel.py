@@ -10,6 +10,11 @@ from typing import Any, TypeVar, cast
 
 import numba
 
+try:
+    from minigolf_env.physics.cache import KernelCache
+except ImportError:  # This numba lacks what it is made of, or names it otherwise: its own cache has to do.
+    KernelCache = None  # type: ignore[assignment,misc]
+
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 PATIENCE = 1.5
@@ -35,7 +40,12 @@ def allocating_kernel(function: Function) -> Function:
 
 def _compile(function: Function, *, allocates: bool) -> Function:
     options: dict[str, Any] = {"error_model": "numpy", "fastmath": False, "_nrt": allocates}
-    return cast(Function, numba.njit(function, cache=True, nogil=True, **options))
+    compiled: Any = numba.njit(function, nogil=True, **options)
+    if KernelCache is not None and hasattr(compiled, "_cache"):
+        compiled._cache = KernelCache(function)
+    elif hasattr(compiled, "enable_caching"):
+        compiled.enable_caching()
+    return cast(Function, compiled)
 
 
 @contextmanager
