@@ -39,7 +39,8 @@ def allocating_kernel(function: Function) -> Function:
 
 
 def _compile(function: Function, *, allocates: bool) -> Function:
-    options: dict[str, Any] = {"error_model": "numpy", "fastmath": False, "_nrt": allocates}
+    # Nothing passes kernels to kernels, which is what the wrapper for C would be for.
+    options: dict[str, Any] = {"error_model": "numpy", "fastmath": False, "no_cfunc_wrapper": True, "_nrt": allocates}
     compiled: Any = numba.njit(function, nogil=True, **options)
     if KernelCache is not None and hasattr(compiled, "_cache"):
         compiled._cache = KernelCache(function)
