@@ -1,0 +1,71 @@
+"""Rapier, through rapier3d: concave meshes, continuous collision detection, sphere casts; single precision."""
+
+from __future__ import annotations
+
+import numpy as np
+import rapier3d as rp
+from numpy.typing import NDArray
+
+from benchmarks.peers.engine import GRAVITY, Engine
+from benchmarks.scenes import RADIUS, Body, FloatArray, Scene
+
+SCENERY, BALLS = rp.Group.GROUP_1, rp.Group.GROUP_2
+
+
+class Rapier(Engine):
+    """A PhysicsWorld with one collider for each side of the room and one for each other mesh.
+
+    A ball that rolls on a mesh passes through that mesh's walls, for continuous collision detection leaves out what the
+    ball touches already: hence a collider for each side.
+    """
+
+    name = "rapier3d + CCD"
+    cast_kind = "sphere"
+
+    def __init__(self, scene: Scene, balls: int = 1, dt: float = 1 / 120) -> None:
+        self.world = rp.PhysicsWorld(gravity=(0.0, 0.0, -GRAVITY))
+        self.world.set_num_threads(1)
+        self.world.integration_parameters.dt = dt
+        surface = scene.surface
+        material = {"restitution": surface.normal_share, "friction": surface.rolling}  # The mean of the two bodies'.
+        room, *others = scene.bodies
+        for vertices, faces in [*_sides(room), *((body.vertices, body.faces) for body in others)]:
+            mesh = rp.Collider.trimesh(vertices, faces, **material)
+            self.world.add_collider(mesh.collision_groups(rp.InteractionGroups(SCENERY, BALLS)))
+        builder = rp.RigidBody.dynamic(can_sleep=False, ccd_enabled=True).enabled_rotations((False, False, False))
+        ball = rp.Collider.ball(RADIUS, **material).collision_groups(rp.InteractionGroups(BALLS, SCENERY))
+        handles = [self.world.add_body(builder, [ball]) for _ in range(balls)]
+        self.balls = [self.world.rigid_bodies[handle] for handle in handles]
+        self.world.detect_collisions()  # Builds the tree that casts need.
+
+    def set(self, positions: FloatArray, velocities: FloatArray) -> None:
+        """Put the balls somewhere."""
+        for ball, position, velocity in zip(self.balls, positions.tolist(), velocities.tolist()):
+            ball.translation, ball.linvel = position, velocity
+
+    def step(self, steps: int) -> None:
+        """Move all balls, one step a call: there is no other."""
+        step = self.world.step
+        for _ in range(steps):
+            step()
+
+    def state(self) -> tuple[FloatArray, FloatArray]:
+        """Return positions and velocities."""
+        positions = [ball.translation.to_tuple() for ball in self.balls]
+        return np.array(positions), np.array([ball.linvel.to_tuple() for ball in self.balls])
+
+    def cast(self, starts: FloatArray, ends: FloatArray) -> FloatArray:
+        """Cast the ball."""
+        ball, once = rp.SharedShape.ball(RADIUS), rp.ShapeCastOptions.with_max_time_of_impact(1.0)
+        scenery = rp.QueryFilter(groups=rp.InteractionGroups(BALLS, SCENERY))
+        cast = self.world.query_pipeline.cast_shape
+        poses = [rp.Isometry3(start) for start in starts.tolist()]
+        hits = [cast(pose, way, ball, once, scenery) for pose, way in zip(poses, (ends - starts).tolist())]
+        return np.array([1.0 if hit is None else hit[1].time_of_impact for hit in hits])
+
+
+def _sides(body: Body) -> list[tuple[FloatArray, NDArray[np.int64]]]:
+    """Return the vertices with the faces of one direction, for each direction."""
+    a, b, c = np.moveaxis(body.vertices[body.faces], 1, 0)
+    normals, side = np.unique(np.sign(np.cross(b - a, c - a)), axis=0, return_inverse=True)
+    return [(body.vertices, body.faces[side.ravel() == k]) for k in range(len(normals))]
