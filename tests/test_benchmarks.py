@@ -1,0 +1,104 @@
+"""The benchmarks run, without any other engine: they measure in `make bench`, here they must not rot."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numba
+import numpy as np
+import pytest
+
+from benchmarks import exactness, speed
+from benchmarks.energy_figure import draw, spread
+from benchmarks.peers import load_peers
+from benchmarks.report import short
+from benchmarks.scenes import RADIUS, SCENES, scene_l, scene_t
+
+
+@pytest.fixture(autouse=True)
+def threads() -> Iterator[None]:
+    """The scripts run numba on one thread; the tests after them shall not."""
+    before = numba.get_num_threads()
+    yield
+    numba.set_num_threads(before)
+
+
+def test_scenes_are_as_large_as_they_say() -> None:
+    """The numbers of triangles are those of issue 3's table: what is compared with is measured on them."""
+    sizes = {name: build().triangles - 12 for name, build in SCENES.items()}
+    assert sizes == {"S": 0, "M": 3_008, "L": 100_352, "T": 100_352, "W": 24, "D": 3_308}
+
+
+@pytest.mark.parametrize("name", ["S", "M", "W", "D", "small L", "small T"])
+def test_scenes_have_free_tees_and_free_points(name: str) -> None:
+    """Putts start touching the ground, throws and sweeps start in free space."""
+    small = {"small L": lambda: scene_l(28), "small T": lambda: scene_t(28)}
+    scene = {**SCENES, **small}[name]()
+    world, rng = scene.world(), np.random.default_rng(0)
+    places, velocities = scene.putts(rng, 50)
+    assert np.abs(world.clearance(places)).max() < 1e-12 * world.scale
+    assert (velocities[:, 2] == 0.0).all() and (places[:, 2] == scene.level + RADIUS).all()
+    points = scene.free_points(rng, 20)
+    assert len(points) == 20
+    for point in (*places[:5], *points):
+        world.require_free(point)
+
+
+def test_speed_prints_its_tables(capsys: pytest.CaptureFixture[str]) -> None:
+    """All rows appear."""
+    budget = {"putts": 2, "sweeps": 10, "casts": 10, "rounds": 1, "triangles": 800}
+    speed.main(speed.Args(**budget, scenes=("S", "M"), peers=()))
+    printed = capsys.readouterr().out
+    for row in ("steps/s while putting, S", "putts to rest/s, M", "sphere sweeps/s, M", "time against", "bytes kept"):
+        assert row in printed
+
+
+def test_exactness_prints_its_table(capsys: pytest.CaptureFixture[str]) -> None:
+    """All rows appear, and ours never are behind a wall."""
+    exactness.main(exactness.Args(putts=3, slow_putts=2, throws=2, seconds=0.5, sweeps=10, peers=()))
+    rows = [[cell.strip() for cell in line.split("|")] for line in capsys.readouterr().out.splitlines()]
+    behind = [row for row in rows if any("behind a wall" in cell for cell in row)]
+    assert len(behind) == 3 and all(row[2:4] == ["0", "0"] for row in behind)
+
+
+def test_exactness_measures_contacts_to_rounding() -> None:
+    """Sweeps to the walls of the room end where the closed form says."""
+    late = exactness.lateness(exactness.Minigolf, exactness.Args(sweeps=200))
+    assert late is not None and late < 1e-13
+
+
+def test_a_missing_engine_is_left_out_with_a_word(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The scripts go on without it, and say how to get it."""
+    monkeypatch.setitem(sys.modules, "rapier3d", None)
+    monkeypatch.delitem(sys.modules, "benchmarks.peers.rapier", raising=False)
+    assert load_peers(["rapier3d"]) == []
+    assert "benchmarks/requirements.txt" in capsys.readouterr().out
+
+
+def test_an_unknown_engine_is_refused() -> None:
+    """The error lists the known ones."""
+    with pytest.raises(ValueError, match=r"expected some of pybullet, .*, received 'havok'"):
+        load_peers(["havok"])
+
+
+def test_spread_leaves_out_lost_balls() -> None:
+    """Balls that left count no more; where none is left there is nothing to draw."""
+    low, middle, high = spread(np.array([[1.0, 2.0, 3.0], [5.0, np.nan, 5.0], [np.nan] * 3]))
+    assert middle[:2].tolist() == [2.0, 5.0] and low[0] < 2.0 < high[0] and np.isnan(middle[2])
+
+
+def test_the_figure_is_drawn(tmp_path: Path) -> None:
+    """A file appears, its folder too."""
+    pytest.importorskip("matplotlib", reason="benchmarks/requirements.txt brings it")
+    draw({"one": np.full((9, 4), 1e-3), "lost": np.full((9, 4), np.nan)}, 2.0, tmp_path / "figures" / "energy.svg")
+    assert (tmp_path / "figures" / "energy.svg").read_text().startswith("<?xml")
+
+
+@pytest.mark.parametrize(("number", "text"), [(1.234e6, "1.23M"), (45_600, "45.6k"), (789, "789"), (0.0123, "0.0123")])
+def test_numbers_are_short(number: float, text: str) -> None:
+    """Three digits and a unit."""
+    assert short(number) == text
