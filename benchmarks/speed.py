@@ -29,6 +29,8 @@ LONGEST = 30.0
 """Putts are given up after so much time, s."""
 STILL = 0.01
 """Peers' balls slower than this count as at rest, m/s: some creep for ever."""
+SINGLES = 16
+"""Putts of a peer with one ball a round, one after another."""
 LOOK = 120
 """Peers' balls are looked at after so many steps: one second."""
 
@@ -79,7 +81,6 @@ def putting(scene: Scene, args: Args, peers: list[type[Engine]]) -> list[Task]:
     times = world.simulate_batch(places, velocities, LONGEST).time
     steps = float(np.sum(times)) / world.dt
     row, rest = f"steps/s while putting, {scene.name}", f"putts to rest/s, {scene.name}"
-
     tasks = [
         Task(row, "minigolf_env", partial(play, world, places, velocities, steps)),
         Task(rest, "minigolf_env", partial(play, world, places, velocities, args.putts)),
@@ -87,7 +88,7 @@ def putting(scene: Scene, args: Args, peers: list[type[Engine]]) -> list[Task]:
     for peer in peers:
         for balls in (1, args.balls):
             engine, name = peer(scene, balls), peer.name + (f", {balls} balls" if balls > 1 else "")
-            start = scene.putts(np.random.default_rng(args.seed), max(4, balls))
+            start = scene.putts(np.random.default_rng(args.seed), max(SINGLES, balls))
             tasks.append(Task(row, name, partial(roll, engine, *start, round(steps / args.putts))))
             tasks.append(Task(rest, name, partial(putt, engine, *start)))
     return tasks

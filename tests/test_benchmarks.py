@@ -12,9 +12,9 @@ import pytest
 
 from benchmarks import exactness, speed
 from benchmarks.energy_figure import draw, spread
-from benchmarks.peers import load_peers
+from benchmarks.peers import PEERS, load_peers
 from benchmarks.report import short
-from benchmarks.scenes import RADIUS, SCENES, scene_l, scene_t
+from benchmarks.scenes import RADIUS, SCENES, scene_l, scene_s, scene_t
 
 
 @pytest.fixture(autouse=True)
@@ -77,6 +77,24 @@ def test_a_missing_engine_is_left_out_with_a_word(
     monkeypatch.delitem(sys.modules, "benchmarks.peers.rapier", raising=False)
     assert load_peers(["rapier3d"]) == []
     assert "benchmarks/requirements.txt" in capsys.readouterr().out
+
+
+@pytest.mark.filterwarnings("ignore")  # The engines' modules warn at import.
+@pytest.mark.parametrize("package", PEERS)
+def test_installed_engines_roll_a_ball_as_ours(package: str) -> None:
+    """A second of rolling is the same to 5 mm; a cast ends at the wall."""
+    pytest.importorskip(package, reason="benchmarks/requirements.txt brings it")
+    scene, start = scene_s(), np.array([[-1.6, 0.0, RADIUS]])
+    ours, peer = exactness.Minigolf(scene), load_peers([package])[0](scene)
+    for engine in (ours, peer):
+        engine.set(start, np.array([[1.0, 0.0, 0.0]]))
+        engine.step(120)
+    assert np.abs(peer.state()[0] - ours.state()[0]).max() < 5e-3
+    assert np.abs(peer.state()[1] - ours.state()[1]).max() < 0.2
+    reach = {"sphere": 0.4 - RADIUS, "ray": 0.4}[peer.cast_kind]
+    raised = start + np.array([0.0, 0.0, 0.5])
+    assert peer.cast(raised, raised - [1.0, 0.0, 0.0]) == pytest.approx(reach, abs=0.01)
+    peer.close()
 
 
 def test_an_unknown_engine_is_refused() -> None:
