@@ -13,6 +13,7 @@ import pytest
 from benchmarks import exactness, speed
 from benchmarks.energy_figure import draw, spread
 from benchmarks.peers import PEERS, load_peers
+from benchmarks.peers.engine import Minigolf
 from benchmarks.report import short
 from benchmarks.scenes import RADIUS, SCENES, scene_l, scene_s, scene_t
 
@@ -65,7 +66,7 @@ def test_exactness_prints_its_table(capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_exactness_measures_contacts_to_rounding() -> None:
     """Sweeps to the walls of the room end where the closed form says."""
-    late = exactness.lateness(exactness.Minigolf, exactness.Args(sweeps=200))
+    late = exactness.lateness(Minigolf, exactness.Args(sweeps=200))
     assert late is not None and late < 1e-13
 
 
@@ -85,7 +86,7 @@ def test_installed_engines_roll_a_ball_as_ours(package: str) -> None:
     """A second of rolling is the same to 5 mm; a cast ends at the wall."""
     pytest.importorskip(package, reason="benchmarks/requirements.txt brings it")
     scene, start = scene_s(), np.array([[-1.6, 0.0, RADIUS]])
-    ours, peer = exactness.Minigolf(scene), load_peers([package])[0](scene)
+    ours, peer = Minigolf(scene), load_peers([package])[0](scene)
     for engine in (ours, peer):
         engine.set(start, np.array([[1.0, 0.0, 0.0]]))
         engine.step(120)
