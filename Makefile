@@ -11,7 +11,7 @@ BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help train test bench lint check format clean
+.PHONY: help train test soak mutants bench lint check format clean
 
 help: ## list the commands
 	@awk -F ':.*## ' '/^[a-z]+:.*## /{printf "make %-8s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -26,6 +26,11 @@ bench: $(INSTALLED) ## measure speed and exactness beside other engines
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --requirement benchmarks/requirements.txt
 	$(BIN)/python -m benchmarks.speed
 	$(BIN)/python -m benchmarks.exactness
+soak: $(INSTALLED) ## look at every one of 10^8 steps in random rooms (minutes)
+	$(BIN)/python -m tests.soak $(ARGS)
+
+mutants: $(INSTALLED) ## break the physics in many ways: do the tests notice? (half an hour)
+	$(BIN)/python -m tests.mutations $(ARGS)
 
 lint: $(INSTALLED) ## check style, types and import rules
 	$(BIN)/ruff check

@@ -70,6 +70,26 @@ def cone(foot: ArrayLike, radius: float, height: float, slices: int = 9) -> Body
     return np.asarray(foot, float) + vertices, np.array(sides + base)
 
 
+def torus(centre: ArrayLike, ring: float, tube: float, slices: int = 12, sides: int = 8) -> Body:
+    """Return a torus around the z axis: a circle of radius ``tube`` swept along one of radius ``ring``."""
+    a, b = np.meshgrid(np.arange(slices), np.arange(sides), indexing="ij")
+    turn, roll = 2 * math.pi * a / slices, 2 * math.pi * b / sides
+    reach = ring + tube * np.cos(roll)
+    vertices = np.stack([reach * np.cos(turn), reach * np.sin(turn), tube * np.sin(roll)], axis=-1).reshape(-1, 3)
+    corners = [((a + i) % slices) * sides + (b + j) % sides for i, j in ((0, 0), (1, 0), (1, 1), (0, 1))]
+    w, x, y, z = (corner.ravel() for corner in corners)
+    return np.asarray(centre, float) + vertices, np.concatenate([np.c_[w, x, y], np.c_[w, y, z]])
+
+
+def with_t_junctions(body: Body) -> Body:
+    """Return the body with every face cut in two at the middle of its first edge, where its neighbour has no vertex."""
+    vertices, faces = body
+    a, b, c = faces.T
+    middle = len(vertices) + np.arange(len(faces))
+    cut = np.concatenate([np.c_[a, middle, c], np.c_[middle, b, c]])
+    return np.concatenate([vertices, 0.5 * (vertices[a] + vertices[b])]), cut
+
+
 def grid(size: float, cells: int, heights: FloatArray | None = None) -> Body:
     """Return a square floor of 2 cells² triangles around the origin, normals up; heights (cells + 1, cells + 1), m."""
     line = np.linspace(-size / 2, size / 2, cells + 1)
@@ -124,24 +144,30 @@ def floor_world(surface: Surface, **kwargs: object) -> World:
 
 def solid_angle(body: TriangleMesh, p: FloatArray) -> float:
     """Return how often a closed mesh goes round the point p, in turns (A. van Oosterom and J. Strackee, 1983)."""
-    a, b, c = np.moveaxis(body.triangles - p, 1, 0)
-    la, lb, lc = (np.linalg.norm(x, axis=1) for x in (a, b, c))
-    volume = np.einsum("ij,ij->i", a, np.cross(b, c))
-    parts = [np.einsum("ij,ij->i", x, y) * z for x, y, z in ((a, b, lc), (b, c, la), (c, a, lb))]
-    return float(np.arctan2(volume, la * lb * lc + sum(parts)).sum() / (2 * math.pi))
+    corners = body.triangles - p
+    lengths = np.sqrt(np.einsum("fij,fij->fi", corners, corners))
+    products = np.einsum("fij,fij->fi", corners, corners[:, [1, 2, 0]])  # ab, bc, ca
+    spread = lengths.prod(axis=1) + np.einsum("fi,fi->f", products, lengths[:, [2, 0, 1]])
+    return float(np.arctan2(np.linalg.det(corners), spread).sum() / (2 * math.pi))
+
+
+def turns_right(world: World, p: FloatArray) -> bool:
+    """Return whether p is in the first mesh, a room, and in no other closed one; two-sided ones do not count."""
+    wanted = [-1.0] + [0.0] * (len(world.meshes) - 1)
+    closed = [(body, turns) for body, turns in zip(world.meshes, wanted) if not body.two_sided]
+    return all(abs(solid_angle(body, p) - turns) < 1e-6 for body, turns in closed)
 
 
 def is_free(world: World, p: FloatArray) -> bool:
-    """Return whether a ball at p is inside the first mesh, a room, and outside of all other closed ones."""
-    wanted = [-1.0] + [0.0] * (len(world.meshes) - 1)
-    closed = [(body, turns) for body, turns in zip(world.meshes, wanted) if not body.two_sided]
-    return world.clearance(p) > 0.0 and all(abs(solid_angle(body, p) - turns) < 1e-6 for body, turns in closed)
+    """Return whether a ball at p is in the room, outside of all closed obstacles, and touches nothing."""
+    return world.clearance(p) > 0.0 and turns_right(world, p)
 
 
 def random_room(rng: np.random.Generator, **kwargs: object) -> tuple[World, FloatArray]:
     """Return a room, turned at random, of obstacles that may overlap; and the turn. Gravity is tilted in some."""
     turn, size, radius = rotation(rng), float(rng.choice([0.5, 1.0, 3.0])), float(rng.choice([BALL, 0.005, 0.05]))
-    meshes = [mesh(room(size), random_surface(rng), turn)]
+    hall = room(size) if rng.random() < 0.7 else with_t_junctions(room(size))
+    meshes = [mesh(hall, random_surface(rng), turn)]
     for _ in range(rng.integers(1, 6)):
         at, s = rng.uniform([-0.5, -0.5, 0.0], [0.5, 0.5, 0.6]) * size, size * rng.uniform(0.05, 0.35)
         spin = rotation(rng)
@@ -152,7 +178,9 @@ def random_room(rng: np.random.Generator, **kwargs: object) -> tuple[World, Floa
             lambda s: cone([0, 0, 0], s * 10.0 ** rng.uniform(-2, 0), 2 * s),
             lambda s: tetrahedron([0, 0, 0], s),
             lambda s: slivers(rng, s),
-        ][rng.integers(6)](s)
+            lambda s: torus([0, 0, 0], s, s * rng.uniform(0.1, 0.6), int(rng.integers(3, 12)), int(rng.integers(3, 8))),
+            lambda s: with_t_junctions(tetrahedron([0, 0, 0], s)),
+        ][rng.integers(8)](s)
         meshes.append(mesh((body[0] @ spin.T + at, body[1]), random_surface(rng), turn))
     gravity = turn @ [0, 0, -G] if rng.random() < 0.7 else rng.normal(size=3) * G / math.sqrt(3)
     settings = {"gravity": gravity, "dt": float(rng.choice([1 / 60, 1 / 120, 1 / 240]))}

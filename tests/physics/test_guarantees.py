@@ -7,29 +7,11 @@ import pytest
 from minigolf_env.physics import Shot, Status, Surface, World
 from tests.physics.scenes import BALL, FloatArray, G, box, free_starts, mesh, random_room, room, rotation
 
-ROOMS = 40
-
 
 def is_inside(frame: FloatArray, p: FloatArray) -> bool:
     """Return whether points (N, 3) are in the room that ``frame`` turns and scales."""
     unit = p @ np.linalg.inv(frame).T
     return bool((np.abs(unit[:, :2]) <= 0.5).all() and (unit[:, 2] >= 0.0).all() and (unit[:, 2] <= 1.0).all())
-
-
-@pytest.mark.parametrize("seed", range(ROOMS))
-def test_ball_never_penetrates_and_never_escapes(seed: int) -> None:
-    """After every step and at every bounce the clearance is at least -1e-12 of the scale, inside the room, in time."""
-    rng = np.random.default_rng(seed)
-    world, frame = random_room(rng)
-    for p in free_starts(rng, world, frame, 12):
-        v = rng.normal(size=3) * rng.choice([0.01, 1.0, 10.0, 30.0]) / np.sqrt(3)
-        shot = world.simulate(p, v, max_time=200 * world.dt, record=True)
-        assert world.clearance(shot.path).min() >= -1e-12 * world.scale
-        if shot.bounces:
-            assert world.clearance(shot.contacts["position"]).min() >= -1e-12 * world.scale
-        assert is_inside(frame, shot.path)
-        assert shot.exhausted == 0
-        assert np.isfinite(shot.velocity).all()
 
 
 @pytest.mark.parametrize("impact", ["average", "conservative"])
