@@ -11,8 +11,13 @@ from numpy.typing import ArrayLike
 
 from minigolf_env.physics.types import FloatArray
 
+LARGEST = 1e50
+"""Largest number taken anywhere: the product of six, more than the physics multiplies, stays within float64."""
 
-def finite_array(value: ArrayLike, shape: tuple[int | None, ...], what: str, remedy: str) -> FloatArray:
+
+def finite_array(
+    value: ArrayLike, shape: tuple[int | None, ...], what: str, remedy: str, largest: float = LARGEST
+) -> FloatArray:
     """Return a new float64 array of the given shape (None: any length), or raise a ValueError that says all."""
     wanted = "(" + ", ".join("N" if n is None else str(n) for n in shape) + ("," if len(shape) == 1 else "") + ")"
     try:
@@ -21,9 +26,12 @@ def finite_array(value: ArrayLike, shape: tuple[int | None, ...], what: str, rem
         raise ValueError(f"{what}: expected numbers of shape {wanted}, received {value!r:.80}; {remedy}") from error
     if array.ndim != len(shape) or any(n is not None and n != m for n, m in zip(shape, array.shape, strict=True)):
         raise ValueError(f"{what}: expected shape {wanted}, received {array.shape}; {remedy}")
-    if not np.isfinite(array).all():
-        where = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
-        raise ValueError(f"{what}: expected finite numbers, received {array[where]} at index {where}; {remedy}")
+    sane = np.abs(array) <= largest
+    if not sane.all():
+        where = tuple(int(i) for i in np.argwhere(~sane)[0])
+        raise ValueError(
+            f"{what}: expected finite numbers up to {largest:g}, received {array[where]} at index {where}; {remedy}"
+        )
     return array
 
 

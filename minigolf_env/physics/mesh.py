@@ -23,11 +23,12 @@ class TriangleMesh:
         vertices: (V, 3) finite coordinates, m.
         faces: (F, 3) integers, rows of ``vertices``; F >= 1.
         surface: what an impact keeps and how the ball rolls.
-        two_sided: None: decided by whether the mesh is closed and consistently wound; or True or False.
+        two_sided: None: decided by whether the mesh is closed and consistently wound, as False requires; or True.
         name: what error messages call the mesh.
 
     Raises:
-        ValueError: wrong shapes, values that are not finite, faces out of range, no faces.
+        ValueError: wrong shapes, values that are not finite, faces out of range, no faces, or an open mesh that is to
+            be one-sided: a ball could get behind it.
     """
 
     vertices: FloatArray
@@ -50,7 +51,7 @@ class TriangleMesh:
         self.surface = Surface() if surface is None else surface
         if not isinstance(self.surface, Surface):
             raise ValueError(f"{self.name}: surface: expected a Surface, received {type(surface).__name__}.")
-        self.two_sided = not self.is_closed if two_sided is None else bool(two_sided)
+        self.two_sided = self._checked_sides(two_sided)
 
     @property
     def triangles(self) -> FloatArray:
@@ -60,13 +61,34 @@ class TriangleMesh:
     @property
     def is_closed(self) -> bool:
         """Whether every edge is passed as often one way as the other: closed and consistently wound."""
+        return not self._is_loose().any()
+
+    def _is_loose(self) -> NDArray[np.bool_]:
+        """Return for each face (F,) whether one of its edges is not passed as often one way as the other."""
         _, unique = np.unique(self.vertices, axis=0, return_inverse=True)
         faces = unique.reshape(-1)[self.faces]
         edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
         keys = edges.min(axis=1) * len(self.vertices) + edges.max(axis=1)
         _, edge = np.unique(keys, return_inverse=True)
         way = np.sign(edges[:, 1] - edges[:, 0])
-        return not np.bincount(edge.reshape(-1), weights=way).any()
+        unpaired = np.bincount(edge.reshape(-1), weights=way)[edge.reshape(-1)] != 0.0
+        loose: NDArray[np.bool_] = unpaired.reshape(3, -1).any(axis=0)
+        return loose
+
+    def _checked_sides(self, two_sided: bool | None) -> bool:
+        if two_sided not in (None, True, False):
+            raise ValueError(f"{self.name}: two_sided: expected None, True or False, received {two_sided!r}.")
+        if two_sided:
+            return True
+        loose = self._is_loose()
+        if two_sided is not None and loose.any():
+            face = int(loose.argmax())
+            raise ValueError(
+                f"{self.name}: two_sided: expected None or True for a mesh that is open or not wound one way, received "
+                f"False; an edge of face {face}, {self.faces[face].tolist()}, lacks a neighbour that passes it the "
+                "other way: close the mesh, wind its faces alike, or leave two_sided out."
+            )
+        return bool(loose.any())
 
     def winding_number(self, point: FloatArray) -> float:
         """Return how often the mesh surrounds a point (3,): for a closed one 0 outside, 1 inside, -1 if wound inwards.
@@ -93,12 +115,8 @@ class TriangleMesh:
 
 
 def _checked_vertices(vertices: ArrayLike, name: str) -> FloatArray:
-    array = finite_array(vertices, (None, 3), f"{name}: vertices", "give one row of x, y, z in metres a vertex.")
-    if np.abs(array).max(initial=0.0) > LARGEST:
-        raise ValueError(
-            f"{name}: vertices: expected coordinates up to {LARGEST:g} m, received {np.abs(array).max():g}; "
-            "move the mesh to the origin or use another unit."
-        )
+    remedy = "give one row of x, y, z in metres a vertex, near the origin."
+    array = finite_array(vertices, (None, 3), f"{name}: vertices", remedy, LARGEST)
     array.flags.writeable = False
     return array
 

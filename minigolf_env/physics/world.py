@@ -163,6 +163,7 @@ class World:
         """Run the ball until it rests, leaves the bounds, or ``max_time`` (s) is over.
 
         The result is bit-equal to calling ``step`` again and again. With ``record`` it holds path, times and contacts.
+        A ball wholly inside a solid is not refused, which ``require_free`` would do: it moves out freely.
 
         Raises:
             ValueError: wrong shapes, values that are not finite, or a ball that intersects a mesh.

@@ -21,9 +21,10 @@ def test_closed_meshes_are_one_sided(kind: str) -> None:
 
 @pytest.mark.parametrize("body", [grid(1.0, 2), groove(0.5), (np.array(CORNERS), np.array([[0, 1, 2]]))])
 def test_open_meshes_are_two_sided(body: Body) -> None:
-    """A mesh with a border is two-sided, unless told otherwise."""
+    """A mesh with a border is two-sided, and cannot be told otherwise."""
     assert TriangleMesh(*body).two_sided
-    assert not TriangleMesh(*body, two_sided=False).two_sided
+    with pytest.raises(ValueError, match=r"lawn: two_sided: expected .* received False; an edge of face 0, .* close"):
+        TriangleMesh(*body, two_sided=False, name="lawn")
 
 
 def test_mesh_with_a_face_missing_or_turned_is_two_sided() -> None:
@@ -34,6 +35,28 @@ def test_mesh_with_a_face_missing_or_turned_is_two_sided() -> None:
     assert not TriangleMesh(vertices, faces).two_sided
     assert TriangleMesh(vertices, faces[1:]).two_sided
     assert TriangleMesh(vertices, turned).two_sided
+
+
+@pytest.mark.parametrize("fault", ["missing", "turned"])
+def test_one_sided_mesh_with_a_fault_is_refused_by_the_face(fault: str) -> None:
+    """A body made one-sided with a hole or a turned face is refused, and a face beside the fault is named."""
+    vertices, faces = grid(1.0, 4)
+    number = len(faces) + 5
+    wrong = np.delete(np.concatenate([faces, faces[:, ::-1]]), number, axis=0)
+    if fault == "turned":
+        wrong = np.insert(wrong, number, faces[5], axis=0)
+    with pytest.raises(ValueError, match="two_sided") as error:
+        TriangleMesh(vertices, wrong, two_sided=False)
+    beside = set(faces[5].tolist())
+    named = [face for face in wrong if f"{face.tolist()}" in str(error.value)]
+    assert any(len(beside & set(face.tolist())) >= 2 for face in named)
+
+
+@pytest.mark.parametrize("value", ["no", 2, 0.5, []])
+def test_sides_must_be_none_true_or_false(value: object) -> None:
+    """Anything else in the place of two_sided is refused, not taken for true."""
+    with pytest.raises(ValueError, match=r"two_sided: expected None, True or False, received"):
+        TriangleMesh(CORNERS, [[0, 1, 2]], two_sided=value)  # type: ignore[arg-type]
 
 
 def test_mesh_keeps_copies() -> None:

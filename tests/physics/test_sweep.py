@@ -50,13 +50,6 @@ def test_open_meshes_stop_from_both_sides(two_sided: bool | None) -> None:
         assert hit.normal.tolist() == [0, 0, z]
 
 
-def test_mesh_decided_one_sided_is_open_from_below() -> None:
-    """two_sided=False lets a ball pass an open floor against its normals."""
-    world = World([mesh(grid(2.0, 2), two_sided=False)])
-    assert world.sweep([0.1, 0.2, 1.0], [0.1, 0.2, -1.0]).hit
-    assert not world.sweep([0.1, 0.2, -1.0], [0.1, 0.2, 1.0]).hit
-
-
 @pytest.mark.parametrize("seed", range(8))
 def test_clearance_counts_down_to_the_collision(seed: int) -> None:
     """A free path has clearance all along, and where the sweep collides the clearance is zero."""
