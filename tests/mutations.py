@@ -1,0 +1,203 @@
+"""Do the tests notice when the physics is wrong? Run: python -m tests.mutations (make mutants).
+
+Breaks a copy of the package in one way after another, runs the tests of the physics on it, and prints which test
+noticed. The golden hashes are left out: they notice everything and explain nothing. Ends with an error if a mutation
+survives, or if its text is no longer in the package: then say the same fault in the new words.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+import tyro
+
+ROOT = Path(__file__).parents[1]
+PHYSICS = ROOT / "minigolf_env" / "physics"
+
+ORDER = ("simulate", "contact", "sweep", "rolling", "energy", "corners", "faults", "swept_sphere", "bvh", "guarantees")
+TESTS = [f"tests/physics/test_{name}.py" for name in (*ORDER, "history", "metamorphic", "bad_input")]
+TESTS += ["tests/test_soak.py::test_soak"]
+"""Those that notice most come first: the first failure ends a run."""
+
+PATIENCE = 600
+"""Seconds after which tests are taken to hang, which is noticing too; compiling and all tests take about 100."""
+
+
+@dataclass(frozen=True)
+class Mutation:
+    """One way to break the physics: in a file, a text that occurs once and what takes its place."""
+
+    name: str
+    file: str
+    old: str
+    new: str
+    also: tuple[Mutation, ...] = ()
+    """Further changes of the same fault; their names do not count."""
+
+
+MUTATIONS = [
+    Mutation("an absolute epsilon", "world.py", "eps=TOLERANCE * self.scale,", "eps=1e-9,"),
+    Mutation(
+        "approach tested after the minimum",
+        "swept_sphere.py",
+        "        if rate >= parallel:\n            return MISS, none\n",
+        "        if rate >= parallel:\n            return (t, normal) if gap <= eps else (MISS, none)\n",
+        also=(
+            Mutation(
+                "",
+                "sweep.py",
+                'node["skip"], p, w, reach)\n    return best',
+                'node["skip"], p, w, reach)\n    return best if dot(w, best.normal) < 0.0 else no_collision()',
+            ),
+        ),
+    ),
+    Mutation("a dropped edge", "swept_sphere.py", "in ((a, ab), (b, bc), (c, ca)):", "in ((a, ab), (b, bc)):"),
+    Mutation(
+        "an edge without ends", "swept_sphere.py", "min(1.0, max(0.0, -dot(a, ab) / length2))", "-dot(a, ab) / length2"
+    ),
+    Mutation(
+        "<= for < at the collision that counts",
+        "swept_sphere.py",
+        "        if sooner >= 1.0 or sooner > latest:",
+        "        if sooner >= 1.0 or sooner >= latest:",
+    ),
+    Mutation(
+        "unclamped alpha",
+        "swept_sphere.py",
+        "        normal = scale(n, math.copysign(1.0, height))\n    return t, normal",
+        "        normal = scale(n, math.copysign(1.0, height))\n    return t - gap / rate, normal",
+    ),
+    Mutation(
+        "no snap to the face normal",
+        "swept_sphere.py",
+        "    if abs(height) >= radius - 2.0 * eps and height * wn < 0.0:",
+        "    if abs(height) == math.inf:",
+    ),
+    Mutation("one Newton step", "swept_sphere.py", "MAX_NEWTON = 64", "MAX_NEWTON = 1"),
+    Mutation("no face has a back", "swept_sphere.py", 'if triangle["one_sided"] and wn >= 0.0', "if wn == math.inf"),
+    Mutation(
+        "the edges inside a floor are felt", "swept_sphere.py", ">= radius - eps or max", ">= radius + eps or max"
+    ),
+    Mutation("v instead of vavg", "simulate.py", "average = along(v, 0.5 * span, net)", "average = v"),
+    Mutation("time left is not reduced", "simulate.py", "h = (1.0 - hit.alpha) * span + (h - span)", "h = 1.0 * h"),
+    Mutation(
+        "e and t swapped",
+        "contact.py",
+        'restitution, tangential = surface["restitution"], surface["tangential"]',
+        'tangential, restitution = surface["restitution"], surface["tangential"]',
+    ),
+    Mutation(
+        "a fixed bounce threshold",
+        "contact.py",
+        "if restitution * approach <= 0.5 * pressing * scene.dt + slack or",
+        "if restitution * approach <= 0.03 or",
+    ),
+    Mutation(
+        "conservative without correction",
+        "contact.py",
+        "approach = math.sqrt(dot(v, n) ** 2 + hit.alpha * (1.0 - hit.alpha) * span * span * dot(net, net))",
+        "approach = abs(dot(v, n))",
+    ),
+    Mutation("grazing is damped", "contact.py", "if dot(v, n) >= 0.0:", "if dot(v, n) == math.inf:"),
+    Mutation("resistance of one contact alone", "contact.py", "total += contacts[i, 3]", "total = contacts[i, 3]"),
+    Mutation(
+        "projection without the crease",
+        "contact.py",
+        "if norm(y) > norm(best) and _in_cone(contacts, held, y, i, j, slack):",
+        "if norm(y) == math.inf:",
+    ),
+    Mutation(
+        "contacts never end", "contact.py", "<= GRAZE * norm(v):\n            for k", "<= math.inf:\n            for k"
+    ),
+    Mutation("friction does not hold", "contact.py", "        if pull <= resistance:", "        if pull <= 0.0:"),
+    Mutation("boxes not grown by the radius", "sweep.py", "reach = scene.radius + scene.eps", "reach = 0.0"),
+    Mutation("no order among equals", "sweep.py", "return new if new.order < old.order else old", "return new"),
+]
+
+
+@dataclass(frozen=True)
+class Args:
+    """The command line."""
+
+    only: tuple[str, ...] = ()
+    """Parts of the names of mutations to run; all without."""
+    jobs: int = 1
+    """Mutations tested at a time."""
+
+
+def apply(mutation: Mutation, package: Path) -> None:
+    """Break the physics in a folder.
+
+    Raises:
+        ValueError: the text to replace does not occur exactly once.
+    """
+    for change in (mutation, *mutation.also):
+        file = package / change.file
+        text = file.read_text()
+        if text.count(change.old) != 1:
+            raise ValueError(
+                f"{mutation.name!r}: expected once in {change.file}, found {text.count(change.old)} times: "
+                f"{change.old!r}; say the fault in the words that the file has now."
+            )
+        file.write_text(text.replace(change.old, change.new))
+
+
+def first_failure(mutation: Mutation | None) -> str | None:
+    """Return the first test that fails on a broken copy (None: an intact one), or None."""
+    with tempfile.TemporaryDirectory() as folder:
+        copy = Path(folder)
+        for name in ("minigolf_env", "tests"):
+            shutil.copytree(ROOT / name, copy / name, ignore=shutil.ignore_patterns("__pycache__"))
+        shutil.copy(ROOT / "pyproject.toml", copy)
+        if mutation is not None:
+            apply(mutation, copy / PHYSICS.relative_to(ROOT))
+        # CI: the same examples each time. A cache of its own: numba does not notice a change in a helper.
+        environment = {**os.environ, "CI": "1", "PYTHONPATH": folder, "NUMBA_CACHE_DIR": str(copy / "cache")}
+        command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", *TESTS]
+        try:
+            run = subprocess.run(
+                command, cwd=copy, env=environment, capture_output=True, text=True, timeout=PATIENCE, check=False
+            )
+        except subprocess.TimeoutExpired:
+            return f"nothing ended within {PATIENCE} s"
+    if run.returncode == 0:
+        return None
+    failures: list[str] = re.findall(r"^(?:FAILED|ERROR) (\S+)", run.stdout, re.MULTILINE)
+    if not failures:
+        raise RuntimeError(f"pytest ended with {run.returncode}:\n{run.stdout[-2000:]}\n{run.stderr[-2000:]}")
+    return failures[0]
+
+
+def report(mutation: Mutation) -> bool:
+    """Test a mutation and print its row; return whether it was noticed."""
+    began = time.perf_counter()
+    failure = first_failure(mutation)
+    seconds = time.perf_counter() - began
+    print(f"{mutation.name:40} {seconds:4.0f} s  {failure or 'SURVIVED'}", flush=True)
+    return failure is not None
+
+
+def main(args: Args) -> int:
+    """Print a row for each mutation; return 1 if one survived."""
+    chosen = [m for m in MUTATIONS if not args.only or any(part in m.name for part in args.only)]
+    failure = first_failure(None)
+    if failure is not None:
+        print(f"The tests fail on the intact package: {failure}", file=sys.stderr)
+        return 1
+    with ThreadPoolExecutor(args.jobs) as pool:
+        noticed = list(pool.map(report, chosen))
+    print(f"{sum(noticed)} of {len(noticed)} mutations noticed")
+    return 0 if all(noticed) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main(tyro.cli(Args, description=__doc__)))
