@@ -85,7 +85,10 @@ MUTATIONS = [
     Mutation("one Newton step", "swept_sphere.py", "MAX_NEWTON = 64", "MAX_NEWTON = 1"),
     Mutation("no face has a back", "swept_sphere.py", 'if triangle["one_sided"] and wn >= 0.0', "if wn == math.inf"),
     Mutation(
-        "the edges inside a floor are felt", "swept_sphere.py", ">= radius - eps or max", ">= radius + eps or max"
+        "touching is colliding",
+        "swept_sphere.py",
+        "            if gap + (1.0 - t) * rate >= -eps or not _goes_deeper(",
+        "            if gap > eps and not _goes_deeper(",
     ),
     Mutation("v instead of vavg", "simulate.py", "average = along(v, 0.5 * span, net)", "average = v"),
     Mutation("time left is not reduced", "simulate.py", "h = (1.0 - hit.alpha) * span + (h - span)", "h = 1.0 * h"),

@@ -85,3 +85,19 @@ def test_resistance_is_not_won_back_at_a_wall() -> None:
             shot = world.simulate(p, v, max_time=1 / 60)
             assert shot.bounces == 1
             assert energy(world, shot.position, shot.velocity) < energy(world, p, v)
+
+
+def test_conservative_grazing_costs_no_energy() -> None:
+    """Where the path meets a wall and the velocity already leaves it, the ball goes on undamped, whatever the wall."""
+    dt = 1 / 60
+    for press, share in ((0.1, 0.25), (0.1, 0.4), (0.3, 0.2)):
+        gravity = G * np.array([np.sqrt(1 - press**2), 0.0, -press])
+        rise = 0.5 * (share + 0.5) * press * G * dt  # Between the loss by the contact and by half time.
+        gap = share * dt * (0.5 * press * G * dt - rise)
+        wall = mesh(grid(20.0, 1), Surface(damping=0.3))
+        world = World([wall], gravity=gravity, dt=dt, impact="conservative")
+        p, v = np.array([0.0, 0.0, BALL + gap]), np.array([1.0, 0.5, rise])
+        shot = world.simulate(p, v, max_time=dt)
+        assert shot.bounces == 1
+        assert shot.velocity[2] > 0.0
+        assert energy(world, shot.position, shot.velocity) == pytest.approx(energy(world, p, v), rel=1e-11)
