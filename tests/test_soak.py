@@ -12,9 +12,9 @@ ROOMS = 10
 
 
 EXHAUSTING = (185, 195, 1_000_001, 1_000_039, 1_000_066, 1_000_427)
-"""Rooms in which the sub-steps of some steps run out: balls that lie deeper than eps by rounding."""
+"""Rooms in which the sub-steps of some steps run out."""
 
-KNOWN = pytest.mark.xfail(reason="a contact that is met again and again at alpha = 0 uses up the sub-steps")
+KNOWN = pytest.mark.xfail(reason="sub-steps run out: test_termination.py has two of the faults in small scenes")
 
 
 @pytest.mark.parametrize("seed", [pytest.param(seed, marks=KNOWN) for seed in EXHAUSTING])

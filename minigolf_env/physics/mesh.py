@@ -23,7 +23,8 @@ class TriangleMesh:
         vertices: (V, 3) finite coordinates, m.
         faces: (F, 3) integers, rows of ``vertices``; F >= 1.
         surface: what an impact keeps and how the ball rolls.
-        two_sided: None: decided by whether the mesh is closed and consistently wound, as False requires; or True.
+        two_sided: None: decided by whether the mesh is closed and consistently wound, as False requires; or True, which
+            a closed mesh needs that crosses itself and is inside out in part: this is not looked for.
         name: what error messages call the mesh.
 
     Raises:

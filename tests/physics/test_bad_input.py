@@ -82,6 +82,20 @@ def test_odd_meshes_keep_the_ball_out(kind: str, impact: str) -> None:
     assert lost == 0
 
 
+def test_mesh_that_crosses_itself_is_solid_when_two_sided() -> None:
+    """A bow tie, of whose two lobes one is inside out, keeps the ball out of both if it is made two-sided."""
+    outline = [[0, 0], [1, 1], [1, 0], [0, 1]]
+    vertices = [[x, y, z] for z in (0.0, 1.0) for x, y in outline]
+    faces = [[0, 2, 1], [0, 3, 2], [4, 5, 6], [4, 6, 7]]
+    faces += [face for i, j in ((0, 1), (1, 2), (2, 3), (3, 0)) for face in ([i, j, j + 4], [i, j + 4, i + 4])]
+    assert TriangleMesh(vertices, faces).is_closed
+    world = World([TriangleMesh(vertices, faces, two_sided=True)], gravity=(0, 0, 0))
+    middle = np.array([0.5, 0.5, 0.5])
+    for way in np.random.default_rng(5).normal(size=(40, 3)):
+        start = middle + 2.0 * way / np.linalg.norm(way)
+        assert sane(world, world.simulate(start, 3.0 * (middle + 0.2 * way[::-1] - start), max_time=1.0, record=True))
+
+
 @pytest.mark.parametrize("impact", IMPACTS)
 @pytest.mark.parametrize("unit", [1e-9, 1e-6, 1e-3, 1e3, 1e6, 1e8])
 def test_rooms_of_any_size_work_alike(unit: float, impact: str) -> None:
