@@ -26,6 +26,7 @@ bench: $(INSTALLED) ## measure speed and exactness beside other engines
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --requirement benchmarks/requirements.txt
 	$(BIN)/python -m benchmarks.speed
 	$(BIN)/python -m benchmarks.exactness
+
 soak: $(INSTALLED) ## look at every one of 10^8 steps in random rooms (minutes)
 	$(BIN)/python -m tests.soak $(ARGS)
 

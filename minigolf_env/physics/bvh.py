@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from minigolf_env.physics.kernel import allocating_kernel, kernel
 from minigolf_env.physics.types import NODE, ZERO, FloatArray, RecordArray, Vec3
+from minigolf_env.physics.vec3 import add, dot, scale
 
 LEAF = 4
 """Triangles in a leaf: fewer cost more nodes, more cost more triangle tests."""
@@ -132,32 +133,47 @@ def _cost(inside: FloatArray, boxes: FloatArray, first: int, last: int) -> float
 
 @kernel
 def next_leaf_on_path(nodes: RecordArray, i: int, p: Vec3, w: Vec3, reach: float) -> int:
-    """Return the first leaf from node i on whose box, grown by ``reach``, the path p to p + w meets; -1 if none.
-
-    A separating-axis test of a segment with a box: three box axes, three cross products; no division, no special case
-    for a path along an axis (C. Ericson, Real-Time Collision Detection, 2005, section 5.3.3).
-    """
-    hx, hy, hz = 0.5 * w.x, 0.5 * w.y, 0.5 * w.z
-    ax, ay, az = abs(hx), abs(hy), abs(hz)
-    mx, my, mz = p.x + hx, p.y + hy, p.z + hz
+    """Return the first leaf from node i on whose box the path p to p + w may meet within ``reach``; -1 if none."""
+    half = scale(w, 0.5)
+    middle = add(p, half)
     while i < len(nodes):
-        node = nodes[i]
-        x, y, z = mx - node["x"], my - node["y"], mz - node["z"]
-        ex, ey, ez = node["half_x"] + reach, node["half_y"] + reach, node["half_z"] + reach
-        if (
-            abs(x) > ex + ax
-            or abs(y) > ey + ay
-            or abs(z) > ez + az
-            or abs(y * hz - z * hy) > ey * az + ez * ay
-            or abs(z * hx - x * hz) > ex * az + ez * ax
-            or abs(x * hy - y * hx) > ex * ay + ey * ax
-        ):
-            i = node["skip"]
-        elif node["size"] > 0:
+        if not is_on_path(nodes, i, middle, half, reach):
+            i = nodes[i]["skip"]
+        elif nodes[i]["size"] > 0:
             return i
         else:
             i += 1
     return -1
+
+
+@kernel
+def is_on_path(nodes: RecordArray, i: int, middle: Vec3, half: Vec3, reach: float) -> bool:
+    """Return whether the path from middle - half to middle + half may come within ``reach`` of the box of node i.
+
+    Separating axes of a segment and a box (C. Ericson, Real-Time Collision Detection, 2005, section 5.3.3): the three
+    axes of the box, the direction from the box to the middle of the path, and the cross products; no division.
+    """
+    node = nodes[i]
+    x, y, z = middle.x - node["x"], middle.y - node["y"], middle.z - node["z"]
+    ax, ay, az = abs(half.x), abs(half.y), abs(half.z)
+    ex, ey, ez = node["half_x"] + reach, node["half_y"] + reach, node["half_z"] + reach
+    if abs(x) > ex + ax or abs(y) > ey + ay or abs(z) > ez + az:
+        return False
+    gap = Vec3(_outside(x, node["half_x"]), _outside(y, node["half_y"]), _outside(z, node["half_z"]))
+    distance2 = dot(gap, gap)
+    free = distance2 - abs(dot(gap, half))
+    return not (
+        (free > 0.0 and free * free > reach * reach * distance2)
+        or abs(y * half.z - z * half.y) > ey * az + ez * ay
+        or abs(z * half.x - x * half.z) > ex * az + ez * ax
+        or abs(x * half.y - y * half.x) > ex * ay + ey * ax
+    )
+
+
+@kernel
+def _outside(x: float, half: float) -> float:
+    """Return how far, and to which side, a coordinate x is outside of -half to half."""
+    return x - max(-half, min(half, x))
 
 
 @kernel

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from minigolf_env.physics.kernel import kernel
+from minigolf_env.physics.kernel import inlined_kernel, kernel
 from minigolf_env.physics.sweep import Collision
 from minigolf_env.physics.types import FloatArray, Scene, Vec3
 from minigolf_env.physics.vec3 import along, cross, dot, norm, scale, sub, vec3
@@ -42,7 +42,8 @@ def release(contacts: FloatArray, held: int, v: Vec3) -> int:
     """Drop the contacts that the ball moves away from at velocity v; return how many are left."""
     left = 0
     for i in range(held):
-        if dot(vec3(contacts[i]), v) <= GRAZE * norm(v):
+        rising = dot(vec3(contacts[i]), v)
+        if rising <= 0.0 or rising * rising <= GRAZE * GRAZE * dot(v, v):
             for k in range(4):
                 contacts[left, k] = contacts[i, k]
             left += 1
@@ -57,12 +58,12 @@ def project(contacts: FloatArray, held: int, x: Vec3) -> Vec3:
     """
     if _in_cone(contacts, held, x, held, held, 0.0):
         return x
-    slack = -ROUNDING * norm(x)
+    slack = 0.0 if held == 1 else -ROUNDING * norm(x)
     for i in range(held):
         n = vec3(contacts[i])
         y = along(x, -dot(x, n), n)
         if dot(x, n) < 0.0 and _in_cone(contacts, held, y, i, i, slack):
-            return y
+            return y if dot(y, y) > ROUNDING * ROUNDING * dot(x, x) else Vec3(0.0, 0.0, 0.0)
     best = Vec3(0.0, 0.0, 0.0)
     for i in range(held):
         for j in range(i):
@@ -94,7 +95,7 @@ def _in_cone(contacts: FloatArray, held: int, x: Vec3, i: int, j: int, slack: fl
     return True
 
 
-@kernel
+@inlined_kernel
 def rolling_resistance(contacts: FloatArray, held: int, gravity: Vec3) -> float:
     """Return R, the deceleration of a rolling ball, m/s^2: each contact's share of the weight it carries."""
     total = 0.0
@@ -103,20 +104,21 @@ def rolling_resistance(contacts: FloatArray, held: int, gravity: Vec3) -> float:
     return total
 
 
-@kernel
+@inlined_kernel
 def resist(v: Vec3, a: Vec3, resistance: float, h: float) -> tuple[Vec3, float, bool]:
     """Return (net acceleration, duration, stops) of a piece of the step that lasts at most h.
 
     The resistance acts against v, or holds back the acceleration a of a ball that lies still. The piece ends where the
     velocity along its first direction reaches zero (``stops``). A ball at rest gets zero acceleration and duration.
     """
-    speed, pull = norm(v), norm(a)
-    if speed == 0.0:
+    if dot(v, v) == 0.0:
+        pull = norm(a)
         if pull <= resistance:
             return Vec3(0.0, 0.0, 0.0), 0.0, True
         return scale(a, 1.0 - resistance / pull), h, False
     if resistance == 0.0:
         return a, h, False
+    speed = norm(v)
     net = along(a, -resistance / speed, v)
     braking = resistance - dot(a, v) / speed
     if braking > 0.0 and speed <= braking * h:
@@ -143,7 +145,7 @@ def surface_of(scene: Scene, hit: Collision) -> Any:
     return scene.surfaces[scene.triangles[hit.row]["surface"]]
 
 
-@kernel
+@inlined_kernel
 def rebound(scene: Scene, hit: Collision, w: Vec3, v: Vec3, a: Vec3, net: Vec3, span: float) -> tuple[Vec3, bool]:
     """Return (velocity after the impact, whether the contact lasts instead).
 
@@ -162,22 +164,30 @@ def rebound(scene: Scene, hit: Collision, w: Vec3, v: Vec3, a: Vec3, net: Vec3, 
             restitution, tangential = 1.0, 1.0
     pressing = max(0.0, -dot(scene.gravity, n), -dot(a, n))
     # A rolling ball meets its floor at just the speed pressing dt / 2: rounding must not make it bounce if e = 1.
-    slack = GRAZE * norm(w)
-    if restitution * approach <= 0.5 * pressing * scene.dt + slack or approach <= slack:
+    weak = restitution * approach - 0.5 * pressing * scene.dt
+    if weak <= 0.0 or min(weak, approach) <= GRAZE * norm(w):
         return v, True
     sliding = along(incoming, -dot(incoming, n), n)
     return along(scale(sliding, tangential), restitution * approach, n), False
 
 
 @kernel
-def settle(scene: Scene, hit: Collision, contacts: FloatArray, held: int, v: Vec3) -> tuple[Vec3, int]:
-    """Let a contact last; return what it leaves of the velocity v, and how many contacts last now."""
+def settle(scene: Scene, hit: Collision, contacts: FloatArray, held: int, v: Vec3, rattles: bool) -> tuple[Vec3, int]:
+    """Let a contact last; return what it leaves of the velocity v, and how many contacts last now.
+
+    The contact of a ball that ``rattles`` lasts from both sides: resistance, which pulls a ball back to what it leaves,
+    would throw it to and fro between two contacts in ever smaller hits.
+    """
     n = hit.normal
     held = hold(contacts, held, n, surface_of(scene, hit)["rolling"])
-    if dot(v, n) > 0.0:  # The ball would rise and be back within the step: take that part too.
+    if rattles:
+        held = hold(contacts, held, scale(n, -1.0), 0.0)
+        v = project(contacts, held, v)
+    elif dot(v, n) > 0.0:  # The ball would rise and be back within the step: take that part too.
         v = project(contacts, hold(contacts, held, scale(n, -1.0), 0.0), v)
     else:
         v = project(contacts, held, v)
-    if norm(v) <= GRAZE * norm(scene.gravity) * scene.dt:  # Rounding, of a ball that is held fast.
+    slow = GRAZE * scene.dt  # Times gravity: the rounding of a ball that is held fast.
+    if dot(v, v) <= slow * slow * dot(scene.gravity, scene.gravity):
         v = Vec3(0.0, 0.0, 0.0)
     return v, held

@@ -1,4 +1,4 @@
-"""Face normals, right to the last bits even for slivers.
+"""Face normals and what goes with them, right to the last bits even for slivers.
 
 The cross product of two edges cancels: for a triangle a million times longer than high, plain float64 tilts the normal
 by 1e-10, which over the triangle's length is more than the physics tolerates. Edges and products are therefore taken
@@ -16,8 +16,12 @@ FLAT = 1e-25
 """A triangle whose area is less than this share of its edges' product has no normal: float64 twice over ends there."""
 
 
-def face_normals(triangles: FloatArray) -> FloatArray:
-    """Return the unit normals (n, 3) of triangles (n, 3, 3) by the right-hand rule; zeros where there is no area."""
+def face_frames(triangles: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return n, u and v, each (n, 3), of triangles (n, 3, 3) with a corner a and the edges e and f from there.
+
+    n is the unit normal by the right-hand rule; a point a + x of the plane is a + (x . u) e + (x . v) f, so that u and
+    v (1/m) are the edges' dual basis. All are zero where there is no area.
+    """
     a, b, c = triangles[:, 0], triangles[:, 1], triangles[:, 2]
     e, e_rest = _exact_difference(b, a)
     f, f_rest = _exact_difference(c, a)
@@ -33,9 +37,11 @@ def face_normals(triangles: FloatArray) -> FloatArray:
     cross = high + (low + (left_rest - right_rest) + edges)
     largest = np.abs(cross).max(axis=1, keepdims=True)
     flat = largest <= FLAT * np.linalg.norm(e, axis=1, keepdims=True) * np.linalg.norm(f, axis=1, keepdims=True)
-    cross = cross / np.where(flat, 1.0, largest)
-    normals: FloatArray = np.where(flat, 0.0, cross / np.where(flat, 1.0, np.linalg.norm(cross, axis=1, keepdims=True)))
-    return normals
+    cross = np.where(flat, 0.0, cross / np.where(flat, 1.0, largest))
+    length = np.where(flat, 1.0, np.linalg.norm(cross, axis=1, keepdims=True))
+    n = cross / length
+    longer = np.where(flat, np.inf, length * largest) / unit
+    return n, np.cross(f, n) / longer, np.cross(n, e) / longer
 
 
 def _exact_difference(a: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -19,7 +19,8 @@ from minigolf_env.physics.contact import (
     stop,
     surface_of,
 )
-from minigolf_env.physics.kernel import allocating_kernel, kernel
+from minigolf_env.physics.kernel import allocating_kernel, for_kernels, inlined_kernel, kernel
+from minigolf_env.physics.neighbourhood import Neighbourhood, no_neighbourhood, sweep_near
 from minigolf_env.physics.sweep import distance, sweep
 from minigolf_env.physics.types import ZERO, FloatArray, Scene, Status, Vec3
 from minigolf_env.physics.vec3 import along, dot, norm, scale, vec3
@@ -28,9 +29,24 @@ MAX_SUB_STEPS = 64
 """Pieces of one time step, nearly always 1 to 6: the guarantee that every step ends."""
 
 PATIENCE = MAX_SUB_STEPS // 2
-"""Sub-steps after which every contact lasts and none leaves, for a ball that rattles in a wedge and uses up no time."""
+"""Sub-steps after which every contact lasts and none leaves, and a stop is one for good: for a ball that rattles in a
+wedge, or turns on a slope, and uses up no time."""
 
 REST, OUT_OF_BOUNDS, TIME_LIMIT = int(Status.REST), int(Status.OUT_OF_BOUNDS), int(Status.TIME_LIMIT)
+
+
+class Scratch(NamedTuple):
+    """Memory that the steps of one thread work in; what it holds changes the cost of a step and never its result."""
+
+    contacts: FloatArray
+    """(MAX_CONTACTS, 4): the contacts that last, see contact.py."""
+    near: Neighbourhood
+
+
+@for_kernels
+def new_scratch() -> Scratch:
+    """Return memory for one thread."""
+    return Scratch(np.zeros((MAX_CONTACTS, 4)), no_neighbourhood())
 
 
 class Moved(NamedTuple):
@@ -45,50 +61,53 @@ class Moved(NamedTuple):
     """Those before the step included."""
     exhausted: bool
     """The sub-steps ran out."""
+    sub_steps: int
 
 
-@kernel
-def step(scene: Scene, p: Vec3, v: Vec3, contacts: FloatArray, log: FloatArray, bounces: int, clock: float) -> Moved:
-    """Move the ball by one dt: the seed's algorithm, with lasting contacts (``contacts`` is scratch).
+@inlined_kernel
+def step(scene: Scene, scratch: Scratch, p: Vec3, v: Vec3, log: FloatArray, bounces: int, clock: float) -> Moved:
+    """Move the ball by one dt: the seed's algorithm, with lasting contacts.
 
     Bounces are noted in ``log`` (K, 8) as far as it has rows: time, centre, normal, triangle.
     """
-    a, held, h = scene.gravity, ZERO, scene.dt
+    contacts, held = scratch.contacts, ZERO
+    a, h = scene.gravity, scene.dt
     still = dot(v, v) == 0.0
     for sub_step in range(MAX_SUB_STEPS):
         resistance = rolling_resistance(contacts, held, scene.gravity)
         net, span, stops = resist(v, a, resistance, h)
         if stops and span == 0.0:
-            pull, held = _hemmed(scene, p, scene.gravity, 0.5 * scene.dt * scene.dt, contacts)
+            pull, held = _hemmed(scene, scratch, p, scene.gravity, 0.5 * scene.dt * scene.dt)
             if still or norm(pull) <= rolling_resistance(contacts, held, scene.gravity):
-                return Moved(p, net, h, True, bounces, False)
+                return Moved(p, net, h, True, bounces, False, sub_step)
             still, held, a, v = True, 0, scene.gravity, net  # It has rolled off what stopped it.
             continue
         average = along(v, 0.5 * span, net)
         path = scale(average, span)
-        hit = sweep(scene, p, path)
+        hit = sweep_near(scene, scratch.near, p, path)
 
         p = along(p, hit.alpha, path)
         still = still and hit.alpha == 0.0
         h = (1.0 - hit.alpha) * span + (h - span)
         end = along(v, hit.alpha * span, net)
+        rattles = sub_step >= PATIENCE
         if hit.row < 0:
             if not stops:
-                return Moved(p, end, 0.0, False, bounces, False)
-            v = stop(v, end, resistance - norm(a), scene.eps)
+                return Moved(p, end, 0.0, False, bounces, False, sub_step + 1)
+            v = Vec3(0.0, 0.0, 0.0) if rattles else stop(v, end, resistance - norm(a), scene.eps)
         else:
             v, lasts = rebound(scene, hit, average, end, a, net, span)
-            if lasts or sub_step >= PATIENCE:
-                v, held = settle(scene, hit, contacts, held, end)
+            if lasts or rattles:
+                v, held = settle(scene, hit, contacts, held, end, rattles)
             else:
                 held = 0
                 _note(log, bounces, clock + (scene.dt - h), p, hit.normal, hit.order)
                 bounces += 1
-        if sub_step < PATIENCE:
+        if not rattles:
             held = release(contacts, held, v)
         a = project(contacts, held, scene.gravity)
-    v, _ = _hemmed(scene, p, v, scene.dt, contacts)
-    return Moved(p, v, 0.0, False, bounces, True)
+    v, _ = _hemmed(scene, scratch, p, v, scene.dt)
+    return Moved(p, v, 0.0, False, bounces, True, MAX_SUB_STEPS)
 
 
 @kernel
@@ -100,37 +119,37 @@ def _note(log: FloatArray, row: int, time: float, p: Vec3, n: Vec3, triangle: in
 
 
 @kernel
-def _hemmed(scene: Scene, p: Vec3, x: Vec3, span: float, contacts: FloatArray) -> tuple[Vec3, int]:
+def _hemmed(scene: Scene, scratch: Scratch, p: Vec3, x: Vec3, span: float) -> tuple[Vec3, int]:
     """Return what the contacts touching the ball at p leave of the vector x, and how many they are.
 
     They are found one by one, by sweeping along what is left of x for a duration ``span``.
     """
     left, held = x, ZERO
     for _ in range(MAX_CONTACTS):
-        hit = sweep(scene, p, scale(left, span))
+        hit = sweep_near(scene, scratch.near, p, scale(left, span))
         if hit.alpha > 0.0:
             break
-        held = hold(contacts, held, hit.normal, surface_of(scene, hit)["rolling"])
-        left = project(contacts, held, x)
+        held = hold(scratch.contacts, held, hit.normal, surface_of(scene, hit)["rolling"])
+        left = project(scratch.contacts, held, x)
     return left, held
 
 
 @kernel
 def simulate(
-    scene: Scene, p: Vec3, v: Vec3, max_steps: int, contacts: FloatArray, path: FloatArray, log: FloatArray
+    scene: Scene, scratch: Scratch, p: Vec3, v: Vec3, max_steps: int, path: FloatArray, log: FloatArray
 ) -> tuple[Vec3, Vec3, int, int, float, int, int]:
     """Run the ball until it rests, leaves the bounds, or ``max_steps`` are done.
 
-    Returns position, velocity, status, steps begun, time (s), bounces and exhausted steps. Positions after each step
-    are written to ``path`` as far as it has rows (row 0 is the start), bounces to ``log``.
+    Returns position, velocity, status, steps begun, time (s), bounces and exhausted steps. Position and sub-steps
+    of each step are written to ``path`` (T, 4) as far as it has rows (row 0 is the start), bounces to ``log``.
     """
-    _trace(path, ZERO, p)
+    _trace(path, ZERO, p, 0)
     bounces, exhausted = ZERO, ZERO
     for k in range(max_steps):
-        ball = step(scene, p, v, contacts, log, bounces, k * scene.dt)
+        ball = step(scene, scratch, p, v, log, bounces, k * scene.dt)
         p, v, bounces = ball.p, ball.v, ball.bounces
         exhausted += int(ball.exhausted)
-        _trace(path, k + 1, p)
+        _trace(path, k + 1, p, ball.sub_steps)
         if ball.resting:
             return p, v, REST, k + 1, k * scene.dt + (scene.dt - ball.left), bounces, exhausted
         if not _within(p, scene.lower, scene.upper):
@@ -139,9 +158,9 @@ def simulate(
 
 
 @kernel
-def _trace(path: FloatArray, row: int, p: Vec3) -> None:
+def _trace(path: FloatArray, row: int, p: Vec3, sub_steps: int) -> None:
     if row < len(path):
-        path[row, 0], path[row, 1], path[row, 2] = p.x, p.y, p.z
+        path[row, 0], path[row, 1], path[row, 2], path[row, 3] = p.x, p.y, p.z, sub_steps
 
 
 @kernel
@@ -163,11 +182,10 @@ def simulate_range(
     exhausted: NDArray[np.int64],
 ) -> None:
     """Run balls first to last - 1 of a batch; positions and velocities (N, 3) are replaced by those at the end."""
-    contacts = np.empty((MAX_CONTACTS, 4))
-    nothing = np.empty((0, 8))
+    scratch, nothing = new_scratch(), np.empty((0, 8))
     for i in range(first, last):
         p, v, status[i], _, times[i], bounces[i], exhausted[i] = simulate(
-            scene, vec3(positions[i]), vec3(velocities[i]), max_steps, contacts, nothing, nothing
+            scene, scratch, vec3(positions[i]), vec3(velocities[i]), max_steps, nothing, nothing
         )
         positions[i, 0], positions[i, 1], positions[i, 2] = p.x, p.y, p.z
         velocities[i, 0], velocities[i, 1], velocities[i, 2] = v.x, v.y, v.z

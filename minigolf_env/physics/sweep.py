@@ -7,10 +7,10 @@ from typing import NamedTuple
 import numpy as np
 
 from minigolf_env.physics.bvh import nearest_leaf, next_leaf_on_path, next_leaf_within
-from minigolf_env.physics.kernel import kernel
-from minigolf_env.physics.swept_sphere import MISS, closest_point, corners, normal_of, sweep_triangle
+from minigolf_env.physics.kernel import inlined_kernel, kernel
+from minigolf_env.physics.swept_sphere import MISS, offset, sweep_triangle
 from minigolf_env.physics.types import ZERO, RecordArray, Scene, Vec3
-from minigolf_env.physics.vec3 import dot, norm, sub
+from minigolf_env.physics.vec3 import dot, norm, scale
 
 
 class Collision(NamedTuple):
@@ -32,7 +32,7 @@ def no_collision() -> Collision:
     return Collision(MISS, Vec3(0.0, 0.0, 0.0), -1, -1)
 
 
-@kernel
+@inlined_kernel
 def earlier(new: Collision, old: Collision, w: Vec3) -> Collision:
     """Return the collision that counts: the smaller alpha, then the steeper approach, then the lower triangle.
 
@@ -48,15 +48,26 @@ def earlier(new: Collision, old: Collision, w: Vec3) -> Collision:
 
 @kernel
 def sweep(scene: Scene, p: Vec3, w: Vec3) -> Collision:
-    """Return the first collision of the ball on its way from p to p + w."""
+    """Return the first collision of the ball on its way from p to p + w.
+
+    Only the path before the best collision so far is looked at: within twice the tolerance, so that rounding loses no
+    tie.
+    """
     best = no_collision()
-    reach = scene.radius + scene.eps
+    reach = scene.radius + 2.0 * scene.eps
     leaf = next_leaf_on_path(scene.nodes, ZERO, p, w, reach)
     while leaf >= 0:
-        node = scene.nodes[leaf]
-        for i in range(node["first"], node["first"] + node["size"]):
-            best = _sooner(scene.triangles, i, p, w, scene.radius, scene.eps, best)
-        leaf = next_leaf_on_path(scene.nodes, node["skip"], p, w, reach)
+        best = sweep_leaf(scene, leaf, p, w, best)
+        leaf = next_leaf_on_path(scene.nodes, scene.nodes[leaf]["skip"], p, scale(w, best.alpha), reach)
+    return best
+
+
+@kernel
+def sweep_leaf(scene: Scene, leaf: int, p: Vec3, w: Vec3, best: Collision) -> Collision:
+    """Return the first collision with the triangles of a leaf if it counts before ``best``."""
+    node = scene.nodes[leaf]
+    for i in range(node["first"], node["first"] + node["size"]):
+        best = sooner(scene.triangles, i, p, w, scene.radius, scene.eps, best)
     return best
 
 
@@ -65,24 +76,17 @@ def sweep_scan(triangles: RecordArray, p: Vec3, w: Vec3, radius: float, eps: flo
     """Return the first collision with any of the triangles, by looking at every one: the definition."""
     best = no_collision()
     for i in range(len(triangles)):
-        best = _sooner(triangles, i, p, w, radius, eps, best)
+        best = sooner(triangles, i, p, w, radius, eps, best)
     return best
 
 
-@kernel
-def _sooner(triangles: RecordArray, i: int, p: Vec3, w: Vec3, radius: float, eps: float, best: Collision) -> Collision:
+@inlined_kernel
+def sooner(triangles: RecordArray, i: int, p: Vec3, w: Vec3, radius: float, eps: float, best: Collision) -> Collision:
     """Return the collision with triangle i if it counts before the best one so far, which it is otherwise."""
     alpha, normal = sweep_triangle(p, w, radius, eps, triangles[i], best.alpha)
     if alpha == MISS:
         return best
     return earlier(Collision(alpha, normal, i, triangles[i]["number"]), best, w)
-
-
-@kernel
-def offset(triangle: np.void, p: Vec3) -> Vec3:
-    """Return the vector from p to the closest point of a triangle."""
-    a, b, c = corners(triangle)
-    return closest_point(sub(a, p), sub(b, p), sub(c, p), sub(b, a), sub(c, b), sub(a, c), normal_of(triangle))
 
 
 @kernel

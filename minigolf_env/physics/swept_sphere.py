@@ -11,9 +11,9 @@ import math
 
 import numpy as np
 
-from minigolf_env.physics.kernel import kernel
+from minigolf_env.physics.kernel import inlined_kernel, kernel
 from minigolf_env.physics.types import Vec3
-from minigolf_env.physics.vec3 import along, cross, dot, norm, scale, sub
+from minigolf_env.physics.vec3 import add, along, dot, norm, scale, sub
 
 MISS = 1.0
 """The share of the path of a sphere that meets nothing."""
@@ -35,97 +35,146 @@ def closest_on_segment(a: Vec3, ab: Vec3) -> Vec3:
 
 
 @kernel
-def closest_point(a: Vec3, b: Vec3, c: Vec3, ab: Vec3, bc: Vec3, ca: Vec3, n: Vec3) -> Vec3:
-    """Return the triangle's point closest to the origin.
+def closest_point(a: Vec3, e: Vec3, f: Vec3, n: Vec3, u: Vec3, v: Vec3) -> Vec3:
+    """Return the point closest to the origin of a TRIANGLE whose corner a is given relative to it.
 
     Above the face it is the foot on the plane, elsewhere the nearest point of the edges that the origin is beyond: near
-    a border both are the same point, so a wrong choice by rounding does no harm. ``n`` is the unit normal, or zero
-    without area, where the origin counts as beyond all edges.
+    a border both are the same point, so a wrong choice by rounding does no harm. A triangle without area is its edges.
     """
+    along_e, along_f = -dot(a, u), -dot(a, v)
     best, q = math.inf, scale(n, dot(a, n))
-    for start, edge in ((a, ab), (b, bc), (c, ca)):
-        if dot(cross(start, edge), n) <= 0.0:
-            candidate = closest_on_segment(start, edge)
-            distance2 = dot(candidate, candidate)
-            if distance2 < best:
-                best, q = distance2, candidate
+    if along_f <= 0.0:
+        best, q = _closer(best, q, closest_on_segment(a, e))
+    if along_e <= 0.0:
+        best, q = _closer(best, q, closest_on_segment(a, f))
+    if along_e + along_f >= 1.0:
+        best, q = _closer(best, q, closest_on_segment(add(a, e), sub(f, e)))
     return q
 
 
 @kernel
-def corners(triangle: np.void) -> tuple[Vec3, Vec3, Vec3]:
-    """Return the corners of a TRIANGLE."""
-    return (
-        Vec3(triangle["ax"], triangle["ay"], triangle["az"]),
-        Vec3(triangle["bx"], triangle["by"], triangle["bz"]),
-        Vec3(triangle["cx"], triangle["cy"], triangle["cz"]),
-    )
+def _closer(best: float, q: Vec3, candidate: Vec3) -> tuple[float, Vec3]:
+    distance2 = dot(candidate, candidate)
+    if distance2 < best:
+        return distance2, candidate
+    return best, q
 
 
-@kernel
-def normal_of(triangle: np.void) -> Vec3:
-    """Return the unit normal of a TRIANGLE, or zero."""
-    return Vec3(triangle["nx"], triangle["ny"], triangle["nz"])
-
-
-@kernel
+@inlined_kernel
 def sweep_triangle(p: Vec3, w: Vec3, radius: float, eps: float, triangle: np.void, latest: float) -> tuple[float, Vec3]:
-    """Return when a sphere that moves from p to p + w first collides with a triangle, and the unit normal there.
+    """Return when a sphere that moves from p to p + w first collides with a TRIANGLE, and the unit normal there.
 
     The time is the share of the path, in [0, 1); ``MISS`` stands for no collision, and for one later than ``latest``.
     Colliding is touching (within eps) and approaching so that the rest of the path would end deeper than eps.
     """
-    none = Vec3(0.0, 0.0, 0.0)
-    n = normal_of(triangle)
+    n = Vec3(triangle["n_x"], triangle["n_y"], triangle["n_z"])
     wn = dot(w, n)
-    if triangle["one_sided"] and wn >= 0.0 and dot(n, n) > 0.0:
-        return MISS, none
-    corner_a, corner_b, corner_c = corners(triangle)
-    a = sub(corner_a, p)
+    if triangle["one_sided"] and wn >= 0.0:
+        return MISS, n
+    a = sub(Vec3(triangle["a_x"], triangle["a_y"], triangle["a_z"]), p)
     height = -dot(a, n)
     if min(height, height + wn) >= radius - eps or max(height, height + wn) <= eps - radius:
-        return MISS, none
-    b, c = sub(corner_b, p), sub(corner_c, p)
-    ab, bc, ca = sub(corner_b, corner_a), sub(corner_c, corner_b), sub(corner_a, corner_c)
-    parallel = -PARALLEL * norm(w)
-
-    t = 0.0
-    for _ in range(MAX_NEWTON):
-        q = closest_point(along(a, -t, w), along(b, -t, w), along(c, -t, w), ab, bc, ca, n)
-        distance = norm(q)
-        normal = _direction(q, distance, w, n)
-        gap, rate = distance - radius, dot(normal, w)
-        if rate >= parallel:
-            return MISS, none
-        if gap <= eps:
-            if gap + (1.0 - t) * rate >= -eps or not _goes_deeper(a, b, c, ab, bc, ca, n, w, t, radius - eps):
-                return MISS, none
-            break
-        sooner = t - gap / rate
-        if sooner >= 1.0 or sooner > latest:
-            return MISS, none
-        if sooner <= t:
-            break
-        t = sooner
-    height += t * wn
-    if abs(height) >= radius - 2.0 * eps and height * wn < 0.0:
+        return MISS, n
+    u = Vec3(triangle["u_x"], triangle["u_y"], triangle["u_z"])
+    v = Vec3(triangle["v_x"], triangle["v_y"], triangle["v_z"])
+    t, gap, rate = 0.0, abs(height) - radius, abs(wn)
+    if height * wn < 0.0:
+        # A triangle is not met before its plane. Where the plane is met within the triangle, that is all.
+        if gap > eps:
+            t = gap / rate
+        if t > latest:
+            return MISS, n
+        deeper = max(t, (gap + eps) / rate)
+        if (
+            gap >= -2.0 * eps
+            and approaches(-rate, w)
+            and _is_inside(-dot(a, u), -dot(a, v), dot(w, u), dot(w, v), t)
+            and _is_inside(-dot(a, u), -dot(a, v), dot(w, u), dot(w, v), deeper)
+        ):
+            return t, scale(n, math.copysign(1.0, height))
+    if not may_come_near(a, n, u, v, w, t, latest, radius + 2.0 * eps):
+        return MISS, n
+    e = Vec3(triangle["e_x"], triangle["e_y"], triangle["e_z"])
+    f = Vec3(triangle["f_x"], triangle["f_y"], triangle["f_z"])
+    t, normal = _newton(a, e, f, n, u, v, w, t, radius, eps, latest)
+    if abs(height + t * wn) >= radius - 2.0 * eps and height * wn < 0.0:
+        # Met at a border, but flat: what a ball that rolls over a seam meets is the face, and only if it approaches.
+        if not approaches(-abs(wn), w):
+            return MISS, n
         normal = scale(n, math.copysign(1.0, height))
     return t, normal
 
 
+@inlined_kernel
+def approaches(rate: float, w: Vec3) -> bool:
+    """Return whether a distance that changes at this rate on the way w shrinks, by more than rounding."""
+    return rate < 0.0 and rate * rate > PARALLEL * PARALLEL * dot(w, w)
+
+
+@inlined_kernel
+def _is_inside(along_e: float, along_f: float, speed_e: float, speed_f: float, t: float) -> bool:
+    """Return whether the centre is above the face at time t, given its coordinates along the edges at 0."""
+    x, y = along_e + t * speed_e, along_f + t * speed_f
+    return x > 0.0 and y > 0.0 and x + y < 1.0
+
+
 @kernel
-def _goes_deeper(
-    a: Vec3, b: Vec3, c: Vec3, ab: Vec3, bc: Vec3, ca: Vec3, n: Vec3, w: Vec3, t: float, depth: float
-) -> bool:
-    """Return whether, after t, the centre comes closer than ``depth``: Newton's method once more, from a touch."""
-    parallel = -PARALLEL * norm(w)
+def may_come_near(a: Vec3, n: Vec3, u: Vec3, v: Vec3, w: Vec3, t: float, end: float, reach: float) -> bool:
+    """Return whether the centre may be within ``reach`` of a triangle between two times: false only if it never is.
+
+    Cheaper than a distance: the height above the plane, and how far the centre's foot stays beyond one of the edges.
+    """
+    height, height_end = dot(a, n) - t * dot(w, n), dot(a, n) - end * dot(w, n)
+    lowest = min(abs(height), abs(height_end)) if height * height_end > 0.0 else 0.0
+    room = reach * reach - lowest * lowest
+    x, y = t * dot(w, u) - dot(a, u), t * dot(w, v) - dot(a, v)
+    x_end, y_end = end * dot(w, u) - dot(a, u), end * dot(w, v) - dot(a, v)
+    beyond_x, beyond_y, beyond_z = max(x, x_end), max(y, y_end), max(1.0 - x - y, 1.0 - x_end - y_end)
+    uv = add(u, v)
+    return not (
+        room < 0.0
+        or (beyond_x < 0.0 and beyond_x * beyond_x > room * dot(u, u))
+        or (beyond_y < 0.0 and beyond_y * beyond_y > room * dot(v, v))
+        or (beyond_z < 0.0 and beyond_z * beyond_z > room * dot(uv, uv))
+    )
+
+
+@kernel
+def _newton(
+    a: Vec3, e: Vec3, f: Vec3, n: Vec3, u: Vec3, v: Vec3, w: Vec3, t: float, radius: float, eps: float, latest: float
+) -> tuple[float, Vec3]:
+    """Return the collision as ``sweep_triangle`` does, by Newton's method from a time t that is not too late."""
+    normal = n
     for _ in range(MAX_NEWTON):
-        q = closest_point(along(a, -t, w), along(b, -t, w), along(c, -t, w), ab, bc, ca, n)
+        q = closest_point(along(a, -t, w), e, f, n, u, v)
+        distance = norm(q)
+        normal = _direction(q, distance, w, n)
+        gap, rate = distance - radius, dot(normal, w)
+        if not approaches(rate, w):
+            return MISS, normal
+        if gap <= eps:
+            if gap + (1.0 - t) * rate >= -eps or not _goes_deeper(a, e, f, n, u, v, w, t, radius - eps):
+                return MISS, normal
+            return t, normal
+        sooner = t - gap / rate
+        if sooner >= 1.0 or sooner > latest:
+            return MISS, normal
+        if sooner <= t:
+            return t, normal
+        t = sooner
+    return t, normal
+
+
+@kernel
+def _goes_deeper(a: Vec3, e: Vec3, f: Vec3, n: Vec3, u: Vec3, v: Vec3, w: Vec3, t: float, depth: float) -> bool:
+    """Return whether, after t, the centre comes closer than ``depth``: Newton's method once more, from a touch."""
+    for _ in range(MAX_NEWTON):
+        q = closest_point(along(a, -t, w), e, f, n, u, v)
         distance = norm(q)
         rate = dot(_direction(q, distance, w, n), w)
         if distance < depth:
             return True
-        if rate >= parallel:
+        if not approaches(rate, w):
             return False
         sooner = t - (distance - depth) / rate
         if sooner >= 1.0:
@@ -143,7 +192,21 @@ def _direction(q: Vec3, distance: float, w: Vec3, n: Vec3) -> Vec3:
         return scale(q, -1.0 / distance)
     if dot(w, n) != 0.0:
         return scale(n, -math.copysign(1.0, dot(w, n)))
-    speed = norm(w)
+    against = sub(q, w)  # q is zero here; without it the compiler takes a root before every loop of sweeps.
+    speed = norm(against)
     if speed > 0.0:
-        return scale(w, -1.0 / speed)
+        return scale(against, 1.0 / speed)
     return n
+
+
+@kernel
+def offset(triangle: np.void, p: Vec3) -> Vec3:
+    """Return the vector from p to the closest point of a TRIANGLE."""
+    return closest_point(
+        sub(Vec3(triangle["a_x"], triangle["a_y"], triangle["a_z"]), p),
+        Vec3(triangle["e_x"], triangle["e_y"], triangle["e_z"]),
+        Vec3(triangle["f_x"], triangle["f_y"], triangle["f_z"]),
+        Vec3(triangle["n_x"], triangle["n_y"], triangle["n_z"]),
+        Vec3(triangle["u_x"], triangle["u_y"], triangle["u_z"]),
+        Vec3(triangle["v_x"], triangle["v_y"], triangle["v_z"]),
+    )

@@ -121,6 +121,8 @@ class Shot(NamedTuple):
     """(T,) s."""
     contacts: NDArray[np.void] | None = None
     """(bounces,) records of ``IMPACT``: when, where and on which triangle the ball bounced."""
+    sub_steps: NDArray[np.int64] | None = None
+    """(T - 1,) the pieces that each time step was made of: 1 in flight, 2 while rolling, one more for a bounce."""
 
 
 IMPACT = np.dtype([("time", "f8"), ("position", "f8", 3), ("normal", "f8", 3), ("triangle", "i8")])
@@ -130,24 +132,25 @@ IMPACT = np.dtype([("time", "f8"), ("position", "f8", 3), ("normal", "f8", 3), (
 NODE = np.dtype(
     [
         *((name, "f8") for name in ("x", "y", "z", "half_x", "half_y", "half_z")),
-        *((name, "i8") for name in ("skip", "first", "size")),
+        *((name, "i4") for name in ("skip", "first", "size")),
     ],
     align=True,
 )
-"""A box of the bounding volume hierarchy: its middle and half extents (m); the node after its subtree; a
-leaf's first triangle and number of triangles, 0 for an inner node. Nodes stand in depth-first order."""
+"""A box of the bounding volume hierarchy, one cache line: its middle and half extents (m); the node after its subtree;
+a leaf's first triangle and number of triangles, 0 for an inner node. Nodes stand in depth-first order."""
 
 TRIANGLE = np.dtype(
     [
-        *((f"{corner}{axis}", "f8") for corner in "abcn" for axis in "xyz"),
+        *((f"{vector}_{axis}", "f8") for vector in "aefnuv" for axis in "xyz"),
         ("number", "i8"),
-        ("surface", "i8"),
+        ("surface", "i4"),
         ("one_sided", "?"),
     ],
     align=True,
 )
-"""A triangle: corners a, b, c (m) and the unit normal n (zero without area); the caller's number; its row among the
-surfaces; whether only a ball that moves against n can collide."""
+"""A triangle: its corner a and the edges e and f from there (m); the unit normal n; u and v (1/m), with which a point
+a + x of its plane is a + (x . u) e + (x . v) f; n, u and v are zero without area. The caller's number; its row among
+the surfaces; whether only a ball that moves against n can collide (never without area)."""
 
 SURFACE = np.dtype([("restitution", "f8"), ("tangential", "f8"), ("rolling", "f8")])
 """What an impact keeps of the normal and the tangential velocity, and the rolling resistance."""

@@ -12,10 +12,9 @@ from numpy.typing import ArrayLike
 from minigolf_env.physics import simulate as kernels
 from minigolf_env.physics.bvh import build_tree
 from minigolf_env.physics.checks import finite_array, one_of, positive_number
-from minigolf_env.physics.contact import MAX_CONTACTS
 from minigolf_env.physics.kernel import announced_compilation
 from minigolf_env.physics.mesh import TriangleMesh
-from minigolf_env.physics.normals import face_normals
+from minigolf_env.physics.normals import face_frames
 from minigolf_env.physics.parallel import in_parallel
 from minigolf_env.physics.sweep import sweep, sweep_scan
 from minigolf_env.physics.types import (
@@ -109,7 +108,8 @@ class World:
         nodes, order = build_tree(corners)
         sizes = [len(mesh.faces) for mesh in self.meshes]
         triangles = _records(corners)
-        triangles["one_sided"] = np.repeat([not mesh.two_sided for mesh in self.meshes], sizes)
+        has_area = (triangles["n_x"] != 0.0) | (triangles["n_y"] != 0.0) | (triangles["n_z"] != 0.0)
+        triangles["one_sided"] = np.repeat([not mesh.two_sided for mesh in self.meshes], sizes) & has_area
         triangles["surface"] = np.repeat(np.arange(len(sizes)), sizes)
         surfaces = [mesh.surface for mesh in self.meshes]
         return Scene(
@@ -156,7 +156,7 @@ class World:
         """
         p, v = self._clear(_point(position, "position")), _point(velocity, "velocity")
         with announced_compilation():
-            moved = kernels.step(self._scene, Vec3(*p), Vec3(*v), np.empty((MAX_CONTACTS, 4)), NOTHING, 0, 0.0)
+            moved = kernels.step(self._scene, kernels.new_scratch(), Vec3(*p), Vec3(*v), NOTHING, 0, 0.0)
         return np.array(moved.p), np.array(moved.v)
 
     def simulate(self, position: ArrayLike, velocity: ArrayLike, max_time: float = 30.0, record: bool = False) -> Shot:
@@ -170,20 +170,21 @@ class World:
         """
         p, v = self._clear(_point(position, "position")), _point(velocity, "velocity")
         steps = self._steps(max_time)
-        run, scratch = (self._scene, Vec3(*p), Vec3(*v), steps), np.empty((MAX_CONTACTS, 4))
+        run = self._scene, kernels.new_scratch(), Vec3(*p), Vec3(*v), steps
         with announced_compilation():
-            end, speed, status, begun, time, bounces, exhausted = kernels.simulate(*run, scratch, NOTHING, NOTHING)
+            end, speed, status, begun, time, bounces, exhausted = kernels.simulate(*run, NOTHING, NOTHING)
             shot = Shot(np.array(end), np.array(speed), Status(status), time, bounces, exhausted)
             if not record:
                 return shot
             # Runs are deterministic: now that the size of the record is known, the same run fills it.
-            path, log = np.empty((begun + 1, 3)), np.empty((bounces, 8))
-            kernels.simulate(*run, scratch, path, log)
+            path, log = np.empty((begun + 1, 4)), np.empty((bounces, 8))
+            kernels.simulate(*run, path, log)
         times = np.append(np.arange(begun) * self.dt, time)
         contacts = np.empty(bounces, IMPACT)
         contacts["time"], contacts["position"] = log[:, 0], log[:, 1:4]
         contacts["normal"], contacts["triangle"] = log[:, 4:7], log[:, 7]
-        return shot._replace(path=path, times=times, contacts=contacts)
+        sub_steps = path[1:, 3].astype(np.int64)
+        return shot._replace(path=path[:, :3].copy(), times=times, contacts=contacts, sub_steps=sub_steps)
 
     def simulate_batch(self, positions: ArrayLike, velocities: ArrayLike, max_time: float = 30.0) -> Shot:
         """Run N balls, each alone in the world, from positions (N, 3) with velocities (N, 3), on all numba threads.
@@ -266,10 +267,12 @@ class World:
 def _records(corners: FloatArray) -> RecordArray:
     """Return triangles (n, 3, 3) as two-sided TRIANGLE records, numbered in order."""
     records = np.zeros(len(corners), TRIANGLE)
-    points = np.concatenate([corners, face_normals(corners)[:, None]], axis=1)
-    for i, corner in enumerate("abcn"):
+    a, e, f = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    n, u, v = face_frames(corners)
+    vectors = {"a": a, "e": e, "f": f, "n": n, "u": u, "v": v}
+    for name, vector in vectors.items():
         for k, axis in enumerate("xyz"):
-            records[f"{corner}{axis}"] = points[:, i, k]
+            records[f"{name}_{axis}"] = vector[:, k]
     records["number"] = np.arange(len(corners))
     return records
 

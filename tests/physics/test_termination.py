@@ -9,7 +9,6 @@ from minigolf_env.physics import Status, Surface, World
 from tests.physics.scenes import BALL, G, about_y, grid, mesh, rotation
 
 
-@pytest.mark.xfail(reason="a ball deeper than eps meets the edges inside a floor again and again at alpha = 0")
 @pytest.mark.parametrize("way", ["along a wall", "on a floor"])
 def test_ball_as_deep_as_the_door_allows_is_not_stopped_by_a_seam(way: str) -> None:
     """Rolling or falling along two coplanar triangles at a depth of 0.6e-12 of the scale, a ball crosses their seam."""
@@ -25,7 +24,6 @@ def test_ball_as_deep_as_the_door_allows_is_not_stopped_by_a_seam(way: str) -> N
     assert lost == 0
 
 
-@pytest.mark.xfail(reason="stopping in one direction leaves nearly all speed in the other, and so to and fro")
 @pytest.mark.parametrize("c", [0.05, 0.3])
 def test_slope_of_seven_tenths_of_the_friction_stops_a_ball_in_time(c: float) -> None:
     """Where tan(beta) = c / sqrt(2) a ball across the slope turns by a right angle at each stop, and still stops."""

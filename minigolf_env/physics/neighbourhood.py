@@ -1,0 +1,146 @@
+"""The triangles near the ball, kept from one sweep to the next.
+
+A neighbourhood is a cylinder in space and a list of every triangle that a ball can touch while its centre is in there.
+A path with both ends in a cylinder stays in it, so its sweep looks at the listed triangles only: at none in flight, at
+the floor's one or two while rolling. What a sweep finds does not depend on what it looks at besides the triangles it
+can meet; so the answers are the whole tree's, bit for bit, whatever the neighbourhood and whoever used it before.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from minigolf_env.physics.bvh import is_on_path
+from minigolf_env.physics.kernel import for_kernels, inlined_kernel, kernel
+from minigolf_env.physics.sweep import Collision, no_collision, sooner, sweep
+from minigolf_env.physics.swept_sphere import may_come_near
+from minigolf_env.physics.types import ZERO, RecordArray, Scene, Vec3
+from minigolf_env.physics.vec3 import add, along, dot, norm, scale, sub
+
+CAPACITY = 24
+"""Triangles in a list: more cost more than walking through the tree."""
+
+QUEUE = 128
+"""Nodes that a search for triangles may look into: with more, there are too many triangles too."""
+
+FURTHEST = 8.0
+"""Paths like the present one that a neighbourhood holds at most: longer ones meet too much that is not on the way."""
+
+CYLINDER = np.dtype(
+    [(name, "f8") for name in ("x", "y", "z", "axis_x", "axis_y", "axis_z", "length", "radius2", "paths")]
+    + [("count", "i8")]
+)
+"""The middle of an end, the unit vector to the other end, the length (m) and the squared radius (m^2), negative while
+there is none; how many paths the next one should hold; the number of triangles in the list."""
+
+
+class Neighbourhood(NamedTuple):
+    """Scratch memory of one thread."""
+
+    cylinder: RecordArray
+    """(1,) of CYLINDER."""
+    rows: NDArray[np.int64]
+    """(CAPACITY,): the triangles' rows in the scene."""
+    queue: NDArray[np.int64]
+    """(QUEUE,): the nodes to look into, during a search."""
+
+
+@for_kernels
+def no_neighbourhood() -> Neighbourhood:
+    """Return scratch memory for one thread, which holds no place yet."""
+    cylinder = np.zeros(1, CYLINDER)
+    cylinder[0]["radius2"], cylinder[0]["paths"] = -1.0, FURTHEST
+    return Neighbourhood(cylinder, np.zeros(CAPACITY, np.int64), np.zeros(QUEUE, np.int64))
+
+
+@inlined_kernel
+def sweep_near(scene: Scene, near: Neighbourhood, p: Vec3, w: Vec3) -> Collision:
+    """Return what ``sweep`` returns, sooner."""
+    inside = _holds(near, p) and _holds(near, add(p, w))
+    if not inside and not _look_around(scene, near, p, w):
+        return sweep(scene, p, w)
+    best = no_collision()
+    for k in range(near.cylinder[0]["count"]):
+        row = near.rows[k]
+        best = sooner(scene.triangles, row, p, w, scene.radius, scene.eps, best)
+        if best.row == row:  # What stopped this path stops the next one: looked at first, it makes the others cheap.
+            near.rows[k], near.rows[0] = near.rows[0], row
+    return best
+
+
+@inlined_kernel
+def _holds(near: Neighbourhood, p: Vec3) -> bool:
+    """Return whether the cylinder holds the point p."""
+    cylinder = near.cylinder[0]
+    way = Vec3(p.x - cylinder["x"], p.y - cylinder["y"], p.z - cylinder["z"])
+    height = dot(way, Vec3(cylinder["axis_x"], cylinder["axis_y"], cylinder["axis_z"]))
+    return bool(0.0 <= height <= cylinder["length"] and dot(way, way) - height * height <= cylinder["radius2"])
+
+
+@kernel
+def _look_around(scene: Scene, near: Neighbourhood, p: Vec3, w: Vec3) -> bool:
+    """Make a neighbourhood for the path from p to p + w and those after it; return whether there is room for it.
+
+    Paths bend away from the straight by what gravity does in their time, which is how wide the cylinder is.
+    """
+    cylinder, length = near.cylinder[0], norm(w)
+    axis = scale(w, 1.0 / length) if length > 1e-100 else Vec3(0.0, 0.0, 0.0)
+    paths = max(1.0, cylinder["paths"])
+    while paths >= 1.0:
+        longer = paths * length
+        radius = paths * paths * scene.dt * scene.dt * norm(scene.gravity) + 1e-4 * longer + 4.0 * scene.eps
+        # The cylinder is wider than the path on all sides; its edges are 1.42 times as far away as its sides.
+        if _list_triangles(scene, near, p, scale(w, paths), 1.5 * radius + scene.radius + 4.0 * scene.eps):
+            foot = along(p, -radius, axis)
+            cylinder["x"], cylinder["y"], cylinder["z"] = foot.x, foot.y, foot.z
+            cylinder["axis_x"], cylinder["axis_y"], cylinder["axis_z"] = axis.x, axis.y, axis.z
+            cylinder["length"] = longer + 2.0 * radius
+            cylinder["radius2"] = radius * radius - 1e-14 * cylinder["length"] ** 2  # For rounding in _holds.
+            few = 3 * cylinder["count"] <= CAPACITY
+            cylinder["paths"] = min(FURTHEST, 2.0 * paths) if few else paths
+            return True
+        paths *= 0.5
+    cylinder["radius2"], cylinder["paths"] = -1.0, 1.0
+    return False
+
+
+@kernel
+def _list_triangles(scene: Scene, near: Neighbourhood, p: Vec3, w: Vec3, reach: float) -> bool:
+    """List the triangles that may be within ``reach`` of the path p to p + w; return whether there is room for them.
+
+    The tree is searched breadth first: the processor can look at several boxes at a time, as none waits for another.
+    """
+    nodes, triangles, queue, rows = scene.nodes, scene.triangles, near.queue, near.rows
+    half = scale(w, 0.5)
+    middle = add(p, half)
+    queue[0], waiting, done, count = 0, ZERO + 1, ZERO, ZERO
+    while done < waiting:
+        node = nodes[queue[done]]
+        first, size = node["first"], node["size"]
+        if count + size > len(rows) or waiting + 2 > len(queue):
+            return False
+        for i in range(first, first + size):
+            rows[count] = i
+            count += int(_is_near(triangles[i], middle, half, reach))
+        if size == 0:
+            left = queue[done] + 1
+            right = nodes[left]["skip"]
+            queue[waiting] = left
+            waiting += int(is_on_path(nodes, left, middle, half, reach))
+            queue[waiting] = right
+            waiting += int(is_on_path(nodes, right, middle, half, reach))
+        done += 1
+    near.cylinder[0]["count"] = count
+    return True
+
+
+@kernel
+def _is_near(triangle: np.void, middle: Vec3, half: Vec3, reach: float) -> bool:
+    a = sub(Vec3(triangle["a_x"], triangle["a_y"], triangle["a_z"]), middle)
+    n = Vec3(triangle["n_x"], triangle["n_y"], triangle["n_z"])
+    u = Vec3(triangle["u_x"], triangle["u_y"], triangle["u_z"])
+    v = Vec3(triangle["v_x"], triangle["v_y"], triangle["v_z"])
+    return may_come_near(a, n, u, v, half, -1.0, 1.0, reach)
