@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from minigolf_env.physics.kernel import allocating_kernel, kernel
+from minigolf_env.physics.kernel import entry_kernel, kernel
 from minigolf_env.physics.types import NODE, ZERO, FloatArray, RecordArray, Vec3
 from minigolf_env.physics.vec3 import add, dot, scale
 
@@ -25,58 +25,79 @@ LOPSIDED = 32
 """A split that leaves less than this fraction on one side is replaced by halves: building stays n log n."""
 
 
+TINY = 2.0**-1022
+"""The smallest half extent, m: rounding up a zero."""
+
+
 def build_tree(corners: FloatArray) -> tuple[RecordArray, NDArray[np.int64]]:
     """Build the hierarchy over n >= 1 triangles (n, 3, 3); return its nodes and the order (n,) of its leaves."""
-    boxes, links, order = _build(corners)
-    nodes = np.zeros(len(boxes), NODE)
-    for k, axis in enumerate("xyz"):
-        nodes[axis], nodes[f"half_{axis}"] = boxes[:, k], boxes[:, 3 + k]
-    nodes["skip"], nodes["first"], nodes["size"] = links.T
-    return nodes, order
-
-
-@allocating_kernel
-def _build(corners: FloatArray) -> tuple[FloatArray, NDArray[np.int32], NDArray[np.int64]]:
-    """Return boxes (M, 6) of middles and half extents, links (M, 3) of skip, first and size, and the order (n,)."""
     n = len(corners)
-    low, high = np.empty((n, 3)), np.empty((n, 3))
-    for i in range(n):
-        for k in range(3):
-            low[i, k] = min(corners[i, 0, k], corners[i, 1, k], corners[i, 2, k])
-            high[i, k] = max(corners[i, 0, k], corners[i, 1, k], corners[i, 2, k])
-    order = np.arange(n)
-    boxes, links = np.empty((2 * n, 6)), np.zeros((2 * n, 3), np.int32)
-    todo, waiting, nodes = np.empty((n + 1, 2), np.int64), 1, 0
-    todo[0, 0], todo[0, 1] = 0, n
+    low, high, order = corners.min(axis=1), corners.max(axis=1), np.arange(n)
+    nodes, todo = np.zeros(2 * n, NODE), np.empty((n + 1, 2), np.int64)
+    count = _build(low, high, order, nodes, todo, np.empty(BINS), np.empty((BINS, 6)))
+    return nodes[:count].copy(), order
+
+
+@entry_kernel
+def _build(
+    low: FloatArray,
+    high: FloatArray,
+    order: NDArray[np.int64],
+    nodes: RecordArray,
+    todo: NDArray[np.int64],
+    inside: FloatArray,
+    boxes: FloatArray,
+) -> int:
+    """Fill in the nodes, sort ``order``, return the number of nodes; ``todo``, ``inside`` and ``boxes`` are scratch."""
+    todo[0, 0], todo[0, 1] = 0, len(order)
+    waiting, count = ZERO + 1, ZERO
     while waiting > 0:
         waiting -= 1
         start, end = todo[waiting, 0], todo[waiting, 1]
-        for k in range(3):
-            lowest, highest = np.inf, -np.inf
-            for j in range(start, end):
-                lowest, highest = min(lowest, low[order[j], k]), max(highest, high[order[j], k])
-            boxes[nodes, k] = 0.5 * (lowest + highest)
-            # Rounding of the middle must not let a corner stick out.
-            boxes[nodes, 3 + k] = np.nextafter(max(highest - boxes[nodes, k], boxes[nodes, k] - lowest), np.inf)
+        node = nodes[count]
+        node["x"], node["half_x"] = _extent(low, high, order, start, end, ZERO)
+        node["y"], node["half_y"] = _extent(low, high, order, start, end, ZERO + 1)
+        node["z"], node["half_z"] = _extent(low, high, order, start, end, ZERO + 2)
         if end - start <= LEAF:
-            links[nodes, 1], links[nodes, 2] = start, end - start
+            node["first"], node["size"] = start, end - start
         else:
-            cut = _split(order, start, end, low, high)
+            cut = _split(order, start, end, low, high, inside, boxes)
             todo[waiting, 0], todo[waiting, 1] = cut, end
             todo[waiting + 1, 0], todo[waiting + 1, 1] = start, cut
             waiting += 2
-        nodes += 1
-    for i in range(nodes - 1, -1, -1):
-        links[i, 0] = i + 1 if links[i, 2] > 0 else links[links[i + 1, 0], 0]
-    return boxes[:nodes], links[:nodes], order
+        count += 1
+    for i in range(count - 1, -1, -1):
+        nodes[i]["skip"] = i + 1 if nodes[i]["size"] > 0 else nodes[nodes[i + 1]["skip"]]["skip"]
+    return count
 
 
-@allocating_kernel
-def _split(order: NDArray[np.int64], start: int, end: int, low: FloatArray, high: FloatArray) -> int:
+@kernel
+def _extent(
+    low: FloatArray, high: FloatArray, order: NDArray[np.int64], start: int, end: int, axis: int
+) -> tuple[float, float]:
+    """Return the middle and the half extent of the boxes of order[start:end] along an axis."""
+    lowest, highest = math.inf, -math.inf
+    for j in range(start, end):
+        lowest, highest = min(lowest, low[order[j], axis]), max(highest, high[order[j], axis])
+    middle = 0.5 * (lowest + highest)
+    # Rounding of the middle must not let a corner stick out.
+    return middle, max(highest - middle, middle - lowest) * (1.0 + 2.0**-52) + TINY
+
+
+@kernel
+def _split(
+    order: NDArray[np.int64],
+    start: int,
+    end: int,
+    low: FloatArray,
+    high: FloatArray,
+    inside: FloatArray,
+    boxes: FloatArray,
+) -> int:
     """Reorder order[start:end] around the cheapest of the binned planes; return where the second half starts."""
-    axis, width, origin = 0, -1.0, 0.0
+    axis, width, origin = ZERO, -1.0, 0.0
     for k in range(3):
-        lowest, highest = np.inf, -np.inf
+        lowest, highest = math.inf, -math.inf
         for j in range(start, end):
             middle = 0.5 * (low[order[j], k] + high[order[j], k])
             lowest, highest = min(lowest, middle), max(highest, middle)
@@ -86,17 +107,17 @@ def _split(order: NDArray[np.int64], start: int, end: int, low: FloatArray, high
     if not width > 0.0:
         return half
 
-    inside, boxes = np.zeros(BINS), np.empty((BINS, 6))
     for b in range(BINS):
+        inside[b] = 0.0
         for k in range(3):
-            boxes[b, k], boxes[b, 3 + k] = np.inf, -np.inf
+            boxes[b, k], boxes[b, 3 + k] = math.inf, -math.inf
     for j in range(start, end):
         i = order[j]
         b = _bin(0.5 * (low[i, axis] + high[i, axis]), origin, width)
         inside[b] += 1.0
         for k in range(3):
             boxes[b, k], boxes[b, 3 + k] = min(boxes[b, k], low[i, k]), max(boxes[b, 3 + k], high[i, k])
-    best, plane = np.inf, 0
+    best, plane = math.inf, ZERO
     for b in range(1, BINS):
         cost = _cost(inside, boxes, ZERO, b) + _cost(inside, boxes, b, len(inside))
         if cost < best:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from minigolf_env.physics.kernel import inlined_kernel, kernel
+from minigolf_env.physics.kernel import entry_kernel, inlined_kernel, kernel
 from minigolf_env.physics.sweep import Collision
 from minigolf_env.physics.types import FloatArray, Scene, Vec3
 from minigolf_env.physics.vec3 import along, cross, dot, norm, scale, sub, vec3
@@ -24,7 +24,7 @@ ROUNDING = 2.0**-48
 """Normal speed of a projected vector, as a share of its length, that is rounding: some units in the last place."""
 
 
-@kernel
+@entry_kernel
 def hold(contacts: FloatArray, held: int, n: Vec3, rolling: float) -> int:
     """Add a lasting contact, in place of one with the same normal or the closest of a full set; return their number."""
     row, closest = min(held, MAX_CONTACTS - 1), -1.0
@@ -50,7 +50,7 @@ def release(contacts: FloatArray, held: int, v: Vec3) -> int:
     return left
 
 
-@kernel
+@entry_kernel
 def project(contacts: FloatArray, held: int, x: Vec3) -> Vec3:
     """Return the vector closest to x in the cone {y : y . n >= 0 for every contact normal n}.
 

@@ -9,7 +9,6 @@ from contextlib import contextmanager
 from typing import Any, TypeVar, cast
 
 import numba
-from numba.extending import register_jitable
 
 try:
     from minigolf_env.physics.cache import KernelCache
@@ -25,13 +24,26 @@ _ready = False
 
 
 def kernel(function: Function) -> Function:
-    """Compile a function of floats, arrays and NamedTuples: cached on disk, IEEE arithmetic, without the GIL.
+    """Compile a function of floats, arrays and NamedTuples that other kernels call; Python cannot.
 
-    ``fastmath`` stays off (the same bits everywhere) and division follows numpy (a sliver may divide by zero). Kernels
-    allocate nothing, and the compiler holds them to it: with numba's memory manager every call would count references
-    to all the scene's arrays, which took two thirds of the time.
+    Cached on disk, IEEE arithmetic, without the GIL. ``fastmath`` stays off (the same bits everywhere) and division
+    follows numpy (a sliver may divide by zero). Kernels allocate nothing, and the compiler holds them to it: with
+    numba's memory manager every call would count references to all the scene's arrays, two thirds of the time.
     """
-    return _compile(function, allocates=False)
+    compiled: Any = _compile(function, no_cpython_wrapper=True)
+
+    def refuse(*_: object, **__: object) -> None:
+        raise TypeError(f"{function.__name__} is a kernel for kernels: decorate it with entry_kernel to call it here.")
+
+    # Without a wrapper, which takes a tenth of the time to compile, a call from Python would crash the process.
+    compiled._insert = lambda *_: None
+    compiled._compile_for_args = refuse
+    return cast(Function, compiled)
+
+
+def entry_kernel(function: Function) -> Function:
+    """Compile a function as ``kernel`` does, for Python to call."""
+    return _compile(function)
 
 
 def inlined_kernel(function: Function) -> Function:
@@ -39,23 +51,17 @@ def inlined_kernel(function: Function) -> Function:
 
     Half the time of a rolling ball was spent on passing scenes by value, hundreds of bytes a call.
     """
-    return _compile(function, allocates=False, forceinline=True)
+    return _compile(function, forceinline=True)
 
 
-def allocating_kernel(function: Function) -> Function:
-    """Compile a function that makes arrays of its own, and otherwise is as ``kernel``."""
-    return _compile(function, allocates=True)
+def merged_kernel(function: Function) -> Function:
+    """Merge a function into the source of its only caller, so that it is compiled once; Python may call it too."""
+    return _compile(function, inline="always")
 
 
-def for_kernels(function: Function) -> Function:
-    """Return a function that is plain Python when Python calls it, and a part of the kernels that call it."""
-    jitable: Function = register_jitable(function)
-    return jitable
-
-
-def _compile(function: Function, *, allocates: bool, **options: Any) -> Function:
+def _compile(function: Function, **options: Any) -> Function:
     # Nothing passes kernels to kernels, which is what the wrapper for C would be for.
-    options |= {"error_model": "numpy", "fastmath": False, "no_cfunc_wrapper": True, "_nrt": allocates}
+    options |= {"error_model": "numpy", "fastmath": False, "no_cfunc_wrapper": True, "_nrt": False}
     compiled: Any = numba.njit(function, nogil=True, **options)
     if KernelCache is not None and hasattr(compiled, "_cache"):
         compiled._cache = KernelCache(function)

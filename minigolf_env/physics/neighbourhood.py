@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minigolf_env.physics.bvh import is_on_path
-from minigolf_env.physics.kernel import for_kernels, inlined_kernel, kernel
+from minigolf_env.physics.kernel import inlined_kernel, kernel
 from minigolf_env.physics.sweep import Collision, no_collision, sooner, sweep
 from minigolf_env.physics.swept_sphere import may_come_near
 from minigolf_env.physics.types import ZERO, RecordArray, Scene, Vec3
@@ -48,7 +48,6 @@ class Neighbourhood(NamedTuple):
     """(QUEUE,): the nodes to look into, during a search."""
 
 
-@for_kernels
 def no_neighbourhood() -> Neighbourhood:
     """Return scratch memory for one thread, which holds no place yet."""
     cylinder = np.zeros(1, CYLINDER)

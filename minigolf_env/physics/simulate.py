@@ -19,10 +19,10 @@ from minigolf_env.physics.contact import (
     stop,
     surface_of,
 )
-from minigolf_env.physics.kernel import allocating_kernel, for_kernels, inlined_kernel, kernel
+from minigolf_env.physics.kernel import entry_kernel, inlined_kernel, kernel, merged_kernel
 from minigolf_env.physics.neighbourhood import Neighbourhood, no_neighbourhood, sweep_near
 from minigolf_env.physics.sweep import distance, sweep
-from minigolf_env.physics.types import ZERO, FloatArray, Scene, Status, Vec3
+from minigolf_env.physics.types import ZERO, FloatArray, RecordArray, Scene, Status, Vec3
 from minigolf_env.physics.vec3 import along, dot, norm, scale, vec3
 
 MAX_SUB_STEPS = 64
@@ -43,7 +43,6 @@ class Scratch(NamedTuple):
     near: Neighbourhood
 
 
-@for_kernels
 def new_scratch() -> Scratch:
     """Return memory for one thread."""
     return Scratch(np.zeros((MAX_CONTACTS, 4)), no_neighbourhood())
@@ -77,7 +76,7 @@ def step(scene: Scene, scratch: Scratch, p: Vec3, v: Vec3, log: FloatArray, boun
         resistance = rolling_resistance(contacts, held, scene.gravity)
         net, span, stops = resist(v, a, resistance, h)
         if stops and span == 0.0:
-            pull, held = _hemmed(scene, scratch, p, scene.gravity, 0.5 * scene.dt * scene.dt)
+            pull, held = _hemmed(scene, contacts, p, scene.gravity, 0.5 * scene.dt * scene.dt)
             if still or norm(pull) <= rolling_resistance(contacts, held, scene.gravity):
                 return Moved(p, net, h, True, bounces, False, sub_step)
             still, held, a, v = True, 0, scene.gravity, net  # It has rolled off what stopped it.
@@ -86,10 +85,10 @@ def step(scene: Scene, scratch: Scratch, p: Vec3, v: Vec3, log: FloatArray, boun
         path = scale(average, span)
         hit = sweep_near(scene, scratch.near, p, path)
 
-        p = along(p, hit.alpha, path)
-        still = still and hit.alpha == 0.0
-        h = (1.0 - hit.alpha) * span + (h - span)
-        end = along(v, hit.alpha * span, net)
+        end = v
+        if hit.alpha > 0.0:
+            p, end, still = along(p, hit.alpha, path), along(v, hit.alpha * span, net), False
+            h = (1.0 - hit.alpha) * span + (h - span)
         rattles = sub_step >= PATIENCE
         if hit.row < 0:
             if not stops:
@@ -106,7 +105,7 @@ def step(scene: Scene, scratch: Scratch, p: Vec3, v: Vec3, log: FloatArray, boun
         if not rattles:
             held = release(contacts, held, v)
         a = project(contacts, held, scene.gravity)
-    v, _ = _hemmed(scene, scratch, p, v, scene.dt)
+    v, _ = _hemmed(scene, contacts, p, v, scene.dt)
     return Moved(p, v, 0.0, False, bounces, True, MAX_SUB_STEPS)
 
 
@@ -119,22 +118,22 @@ def _note(log: FloatArray, row: int, time: float, p: Vec3, n: Vec3, triangle: in
 
 
 @kernel
-def _hemmed(scene: Scene, scratch: Scratch, p: Vec3, x: Vec3, span: float) -> tuple[Vec3, int]:
+def _hemmed(scene: Scene, contacts: FloatArray, p: Vec3, x: Vec3, span: float) -> tuple[Vec3, int]:
     """Return what the contacts touching the ball at p leave of the vector x, and how many they are.
 
     They are found one by one, by sweeping along what is left of x for a duration ``span``.
     """
     left, held = x, ZERO
     for _ in range(MAX_CONTACTS):
-        hit = sweep_near(scene, scratch.near, p, scale(left, span))
+        hit = sweep(scene, p, scale(left, span))
         if hit.alpha > 0.0:
             break
-        held = hold(scratch.contacts, held, hit.normal, surface_of(scene, hit)["rolling"])
-        left = project(scratch.contacts, held, x)
+        held = hold(contacts, held, hit.normal, surface_of(scene, hit)["rolling"])
+        left = project(contacts, held, x)
     return left, held
 
 
-@kernel
+@merged_kernel
 def simulate(
     scene: Scene, scratch: Scratch, p: Vec3, v: Vec3, max_steps: int, path: FloatArray, log: FloatArray
 ) -> tuple[Vec3, Vec3, int, int, float, int, int]:
@@ -143,7 +142,7 @@ def simulate(
     Returns position, velocity, status, steps begun, time (s), bounces and exhausted steps. Position and sub-steps
     of each step are written to ``path`` (T, 4) as far as it has rows (row 0 is the start), bounces to ``log``.
     """
-    _trace(path, ZERO, p, 0)
+    _trace(path, ZERO, p, ZERO)
     bounces, exhausted = ZERO, ZERO
     for k in range(max_steps):
         ball = step(scene, scratch, p, v, log, bounces, k * scene.dt)
@@ -168,30 +167,35 @@ def _within(p: Vec3, lower: Vec3, upper: Vec3) -> bool:
     return lower.x <= p.x <= upper.x and lower.y <= p.y <= upper.y and lower.z <= p.z <= upper.z
 
 
-@allocating_kernel
+@entry_kernel
 def simulate_range(
     first: int,
     last: int,
     scene: Scene,
+    scratch: Scratch,
     max_steps: int,
     positions: FloatArray,
     velocities: FloatArray,
-    status: NDArray[np.int8],
-    times: FloatArray,
-    bounces: NDArray[np.int64],
-    exhausted: NDArray[np.int64],
+    results: RecordArray,
+    path: FloatArray,
+    log: FloatArray,
 ) -> None:
-    """Run balls first to last - 1 of a batch; positions and velocities (N, 3) are replaced by those at the end."""
-    scratch, nothing = new_scratch(), np.empty((0, 8))
+    """Run balls first to last - 1; positions and velocities (N, 3) become those at the end, ``results`` (N,) is filled.
+
+    Only one ball should have a ``path`` and a ``log`` with rows.
+    """
     for i in range(first, last):
-        p, v, status[i], _, times[i], bounces[i], exhausted[i] = simulate(
-            scene, scratch, vec3(positions[i]), vec3(velocities[i]), max_steps, nothing, nothing
+        p, v, status, steps, time, bounces, exhausted = simulate(
+            scene, scratch, vec3(positions[i]), vec3(velocities[i]), max_steps, path, log
         )
         positions[i, 0], positions[i, 1], positions[i, 2] = p.x, p.y, p.z
         velocities[i, 0], velocities[i, 1], velocities[i, 2] = v.x, v.y, v.z
+        result = results[i]
+        result["status"], result["steps"], result["time"] = status, steps, time
+        result["bounces"], result["exhausted"] = bounces, exhausted
 
 
-@kernel
+@entry_kernel
 def sweep_range(
     first: int,
     last: int,
@@ -209,7 +213,7 @@ def sweep_range(
         normals[i, 0], normals[i, 1], normals[i, 2] = hit.normal.x, hit.normal.y, hit.normal.z
 
 
-@kernel
+@entry_kernel
 def clearance_range(first: int, last: int, scene: Scene, positions: FloatArray, clearances: FloatArray) -> None:
     """Write the distance from the skin of balls first to last - 1 to the nearest triangle."""
     for i in range(first, last):

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from minigolf_env.physics.bvh import nearest_leaf, next_leaf_on_path, next_leaf_within
-from minigolf_env.physics.kernel import inlined_kernel, kernel
+from minigolf_env.physics.kernel import entry_kernel, inlined_kernel, kernel
 from minigolf_env.physics.swept_sphere import MISS, offset, sweep_triangle
 from minigolf_env.physics.types import ZERO, RecordArray, Scene, Vec3
 from minigolf_env.physics.vec3 import dot, norm, scale
@@ -46,7 +46,7 @@ def earlier(new: Collision, old: Collision, w: Vec3) -> Collision:
     return new if new.order < old.order else old
 
 
-@kernel
+@entry_kernel
 def sweep(scene: Scene, p: Vec3, w: Vec3) -> Collision:
     """Return the first collision of the ball on its way from p to p + w.
 
@@ -71,7 +71,7 @@ def sweep_leaf(scene: Scene, leaf: int, p: Vec3, w: Vec3, best: Collision) -> Co
     return best
 
 
-@kernel
+@entry_kernel
 def sweep_scan(triangles: RecordArray, p: Vec3, w: Vec3, radius: float, eps: float) -> Collision:
     """Return the first collision with any of the triangles, by looking at every one: the definition."""
     best = no_collision()
@@ -80,7 +80,7 @@ def sweep_scan(triangles: RecordArray, p: Vec3, w: Vec3, radius: float, eps: flo
     return best
 
 
-@inlined_kernel
+@kernel
 def sooner(triangles: RecordArray, i: int, p: Vec3, w: Vec3, radius: float, eps: float, best: Collision) -> Collision:
     """Return the collision with triangle i if it counts before the best one so far, which it is otherwise."""
     alpha, normal = sweep_triangle(p, w, radius, eps, triangles[i], best.alpha)

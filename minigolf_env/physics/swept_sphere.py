@@ -60,7 +60,7 @@ def _closer(best: float, q: Vec3, candidate: Vec3) -> tuple[float, Vec3]:
     return best, q
 
 
-@inlined_kernel
+@kernel
 def sweep_triangle(p: Vec3, w: Vec3, radius: float, eps: float, triangle: np.void, latest: float) -> tuple[float, Vec3]:
     """Return when a sphere that moves from p to p + w first collides with a TRIANGLE, and the unit normal there.
 

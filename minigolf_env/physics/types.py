@@ -129,14 +129,17 @@ IMPACT = np.dtype([("time", "f8"), ("position", "f8", 3), ("normal", "f8", 3), (
 """One bounce: time (s), the ball's centre (m), the unit normal, the triangle."""
 
 
+RESULT = np.dtype([("time", "f8"), *((name, "i8") for name in ("status", "steps", "bounces", "exhausted"))])
+"""How a run ended: its time (s) and Status, the time steps begun, the bounces, the exhausted steps."""
+
 NODE = np.dtype(
     [
         *((name, "f8") for name in ("x", "y", "z", "half_x", "half_y", "half_z")),
-        *((name, "i4") for name in ("skip", "first", "size")),
+        *((name, "i8") for name in ("skip", "first", "size")),
     ],
     align=True,
 )
-"""A box of the bounding volume hierarchy, one cache line: its middle and half extents (m); the node after its subtree;
+"""A box of the bounding volume hierarchy: its middle and half extents (m); the node after its subtree;
 a leaf's first triangle and number of triangles, 0 for an inner node. Nodes stand in depth-first order."""
 
 TRIANGLE = np.dtype(

@@ -19,6 +19,7 @@ from minigolf_env.physics.parallel import in_parallel
 from minigolf_env.physics.sweep import sweep, sweep_scan
 from minigolf_env.physics.types import (
     IMPACT,
+    RESULT,
     SURFACE,
     TOLERANCE,
     TRIANGLE,
@@ -34,7 +35,7 @@ from minigolf_env.physics.types import (
 IMPACTS = ("average", "conservative")
 
 MOST_STEPS = 2**40
-NOTHING = np.empty((0, 8))
+NO_PATH, NO_LOG = np.empty((0, 4)), np.empty((0, 8))
 
 
 def sweep_sphere(start: ArrayLike, end: ArrayLike, radius: float, triangles: ArrayLike) -> Hit:
@@ -156,7 +157,7 @@ class World:
         """
         p, v = self._clear(_point(position, "position")), _point(velocity, "velocity")
         with announced_compilation():
-            moved = kernels.step(self._scene, kernels.new_scratch(), Vec3(*p), Vec3(*v), NOTHING, 0, 0.0)
+            moved = kernels.step(self._scene, kernels.new_scratch(), Vec3(*p), Vec3(*v), NO_LOG, 0, 0.0)
         return np.array(moved.p), np.array(moved.v)
 
     def simulate(self, position: ArrayLike, velocity: ArrayLike, max_time: float = 30.0, record: bool = False) -> Shot:
@@ -170,21 +171,26 @@ class World:
         """
         p, v = self._clear(_point(position, "position")), _point(velocity, "velocity")
         steps = self._steps(max_time)
-        run = self._scene, kernels.new_scratch(), Vec3(*p), Vec3(*v), steps
-        with announced_compilation():
-            end, speed, status, begun, time, bounces, exhausted = kernels.simulate(*run, NOTHING, NOTHING)
-            shot = Shot(np.array(end), np.array(speed), Status(status), time, bounces, exhausted)
-            if not record:
-                return shot
-            # Runs are deterministic: now that the size of the record is known, the same run fills it.
-            path, log = np.empty((begun + 1, 4)), np.empty((bounces, 8))
-            kernels.simulate(*run, path, log)
-        times = np.append(np.arange(begun) * self.dt, time)
-        contacts = np.empty(bounces, IMPACT)
+        shot, begun = self._run(p, v, steps, NO_PATH, NO_LOG)
+        if not record:
+            return shot
+        # Runs are deterministic: now that the size of the record is known, the same run fills it.
+        path, log = np.empty((begun + 1, 4)), np.empty((shot.bounces, 8))
+        self._run(p, v, steps, path, log)
+        contacts = np.empty(shot.bounces, IMPACT)
         contacts["time"], contacts["position"] = log[:, 0], log[:, 1:4]
         contacts["normal"], contacts["triangle"] = log[:, 4:7], log[:, 7]
+        times = np.append(np.arange(begun) * self.dt, shot.time)
         sub_steps = path[1:, 3].astype(np.int64)
         return shot._replace(path=path[:, :3].copy(), times=times, contacts=contacts, sub_steps=sub_steps)
+
+    def _run(self, p: FloatArray, v: FloatArray, steps: int, path: FloatArray, log: FloatArray) -> tuple[Shot, int]:
+        """Return how a run of one ball ends, and the number of time steps begun."""
+        end, speed, results = p[None].copy(), v[None].copy(), np.empty(1, RESULT)
+        with announced_compilation():
+            kernels.simulate_range(0, 1, self._scene, kernels.new_scratch(), steps, end, speed, results, path, log)
+        time, status, begun, bounces, exhausted = results[0].tolist()
+        return Shot(end[0], speed[0], Status(status), time, bounces, exhausted), begun
 
     def simulate_batch(self, positions: ArrayLike, velocities: ArrayLike, max_time: float = 30.0) -> Shot:
         """Run N balls, each alone in the world, from positions (N, 3) with velocities (N, 3), on all numba threads.
@@ -199,11 +205,15 @@ class World:
         )
         self._clear(p)
         n = len(p)
-        status, times = np.empty(n, np.int8), np.empty(n)
-        bounces, exhausted = np.empty(n, np.int64), np.empty(n, np.int64)
-        steps = self._steps(max_time)
-        in_parallel(kernels.simulate_range, n, self._scene, steps, p, v, status, times, bounces, exhausted)
-        return Shot(p, v, status, times, bounces, exhausted)  # type: ignore[arg-type]
+        results, steps = np.empty(n, RESULT), self._steps(max_time)
+
+        def run(first: int, last: int) -> None:
+            scratch = kernels.new_scratch()
+            kernels.simulate_range(first, last, self._scene, scratch, steps, p, v, results, NO_PATH, NO_LOG)
+
+        in_parallel(run, n)
+        fields = (np.ascontiguousarray(results[name]) for name in ("time", "bounces", "exhausted"))
+        return Shot(p, v, results["status"].astype(np.int8), *fields)  # type: ignore[arg-type]
 
     def clearance(self, position: ArrayLike) -> Any:
         """Return the distance from the ball's skin to the nearest triangle, m; negative where they intersect.

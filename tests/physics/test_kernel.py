@@ -15,17 +15,17 @@ import pytest
 from minigolf_env.physics import cache, kernel, simulate
 
 CALLEE = """
-from minigolf_env.physics.kernel import kernel
+from minigolf_env.physics.kernel import entry_kernel
 FACTOR = 2
-@kernel
+@entry_kernel
 def times(x):
     return FACTOR * x
 """
 
 CALLER = """
 from minigolf_env.physics.callee import times
-from minigolf_env.physics.kernel import kernel
-@kernel
+from minigolf_env.physics.kernel import entry_kernel
+@entry_kernel
 def double(x):
     return times(x)
 """
@@ -163,3 +163,13 @@ def test_the_cache_is_the_kernels_alone() -> None:
     assert isinstance(simulate.step._cache, cache.KernelCache)
     assert not isinstance(own._cache, cache.KernelCache)
     assert not numba.config.CACHE_LOCATOR_CLASSES
+
+
+def test_kernels_for_kernels_refuse_python() -> None:
+    """Called from Python, compiled or not, a kernel without a wrapper says so instead of crashing the process."""
+    twice = kernel.kernel(lambda x: 2.0 * x)
+    four = kernel.entry_kernel(lambda x: twice(twice(x)))
+    for _ in range(2):
+        with pytest.raises(TypeError, match="entry_kernel"):
+            twice(1.0)
+        assert four(1.0) == 4.0
