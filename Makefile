@@ -30,7 +30,7 @@ bench: $(INSTALLED) ## measure speed and exactness beside other engines
 soak: $(INSTALLED) ## look at every one of 10^8 steps in random rooms (minutes)
 	$(BIN)/python -m tests.soak $(ARGS)
 
-mutants: $(INSTALLED) ## break the physics in many ways: do the tests notice? (ten minutes)
+mutants: $(INSTALLED) ## break the physics in many ways: do the tests notice? (twenty minutes)
 	$(BIN)/python -m tests.mutations $(ARGS)
 
 lint: $(INSTALLED) ## check style, types and import rules

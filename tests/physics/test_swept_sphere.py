@@ -79,13 +79,20 @@ def random_case(rng: np.random.Generator, family: str) -> Case:
     if family in ("touching start", "inside start"):
         start = target + way * radius * (1.0 if family == "touching start" else rng.random())
         way = rng.normal(size=3)
+    if family == "skim":
+        face = np.cross(triangle[1] - triangle[0], triangle[2] - triangle[0])
+        face /= np.linalg.norm(face)
+        way = np.cross(face, way) / np.linalg.norm(np.cross(face, way))
+        start = target + radius * face - rng.random() * length * way
+        drop = 10.0 ** rng.uniform(-13, -9)
+        start, way = start + rng.uniform(-1, 1) * drop * face, way - drop / length * face
     if family == "far":
         away = rng.uniform(-1, 1, 3) * 1e6
         start, triangle = start + away, triangle + away
     return start, start + way * length, radius, triangle[None]
 
 
-FAMILIES = ["random", "graze", "sliver", "degenerate", "needle and giant", "far", "tiny path", "long path"]
+FAMILIES = ["random", "graze", "sliver", "degenerate", "needle and giant", "far", "skim", "tiny path", "long path"]
 
 
 @pytest.mark.parametrize("family", [*FAMILIES, "touching start", "inside start"])
@@ -259,9 +266,10 @@ def test_collision_approaches_the_normal_it_reports() -> None:
 
 
 def test_grazing_within_the_tolerance_is_free() -> None:
-    """A sphere that comes over an edge, less deep than the tolerance all the way, does not collide."""
+    """A sphere that comes or goes over an edge, less deep than the tolerance all the way, does not collide."""
     floor = np.array([[[0.0, -1.0, 0.0], [1.0, -1.0, 0.0], [0.0, 1.0, 0.0]]])
     for length in (1e-3, 1e-2, 1e-1):
         for depth in (0.0, 1e-13, 2e-13, 3e-13):
             start, end = np.array([-length, -0.5, 0.02 - 1e-12 - depth]), np.array([length, -0.5, 0.02 + 1e-12 - depth])
             assert not sweep_sphere(start, end, 0.02, floor).hit
+            assert not sweep_sphere(end, start, 0.02, floor).hit
