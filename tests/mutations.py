@@ -163,9 +163,9 @@ MUTATIONS = [
     Mutation(
         "a direction without reach", "bvh.py", "free > 0.0 and free * free > reach * reach * distance2", "free > 0.0"
     ),
-    Mutation("a box without reach", "bvh.py", 'node["half_x"] + reach, node', 'node["half_x"], node'),
+    Mutation("a box without reach", "bvh.py", "ex, ey, ez = box.x + reach,", "ex, ey, ez = box.x,"),
     Mutation(
-        "a stale neighbourhood", "neighbourhood.py", f"inside = {HOLDS}", 'inside = near.cylinder[0]["radius2"] >= 0.0'
+        "a stale neighbourhood", "neighbourhood.py", f"inside = {HOLDS}", 'inside = near.cylinder[0]["length"] >= 0.0'
     ),
     Mutation("a neighbourhood of the start", "neighbourhood.py", f"inside = {HOLDS}", "inside = _holds(near, p)"),
     Mutation("a neighbourhood of the centre", "neighbourhood.py", "1.5 * radius + scene.radius +", "1.5 * radius +"),
@@ -185,9 +185,11 @@ MUTATIONS = [
     Mutation(
         "a rattling ball is held from one side",
         "contact.py",
-        "        held = hold(contacts, held, scale(n, -1.0), 0.0)\n        v = project(contacts, held, v)\n    elif",
-        "        v = project(contacts, held, v)\n    elif",
+        "        held = hold(contacts, held, scale(n, -1.0), 0.0)\n",
+        "        pass\n",
     ),
+    Mutation("a first corner of any kind", "world.py", "opposite.argmax(axis=1)", "opposite.argmin(axis=1)"),
+    Mutation("a rising part is kept", "contact.py", "along(v, -max(0.0, dot(v, n)), n))", "v)"),
     Mutation("a rattling ball bounces", "simulate.py", "if lasts or rattles:", "if lasts:"),
     Mutation("a stop is never final", "simulate.py", "Vec3(0.0, 0.0, 0.0) if rattles else stop(", "stop("),
     Mutation("stops without end", "contact.py", " or dot(sideways, sideways) <= 2.0 * eps * braking:", ":"),

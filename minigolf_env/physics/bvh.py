@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from minigolf_env.physics.kernel import entry_kernel, kernel
 from minigolf_env.physics.types import NODE, ZERO, FloatArray, RecordArray, Vec3
-from minigolf_env.physics.vec3 import add, dot, scale
+from minigolf_env.physics.vec3 import add, dot, norm, scale, sub, vec3
 
 LEAF = 4
 """Triangles in a leaf: fewer cost more nodes, more cost more triangle tests."""
@@ -55,9 +55,8 @@ def _build(
         waiting -= 1
         start, end = todo[waiting, 0], todo[waiting, 1]
         node = nodes[count]
-        node["x"], node["half_x"] = _extent(low, high, order, start, end, ZERO)
-        node["y"], node["half_y"] = _extent(low, high, order, start, end, ZERO + 1)
-        node["z"], node["half_z"] = _extent(low, high, order, start, end, ZERO + 2)
+        for k in range(3):
+            node["middle"][k], node["half"][k] = _extent(low, high, order, start, end, k)
         if end - start <= LEAF:
             node["first"], node["size"] = start, end - start
         else:
@@ -175,12 +174,13 @@ def is_on_path(nodes: RecordArray, i: int, middle: Vec3, half: Vec3, reach: floa
     axes of the box, the direction from the box to the middle of the path, and the cross products; no division.
     """
     node = nodes[i]
-    x, y, z = middle.x - node["x"], middle.y - node["y"], middle.z - node["z"]
+    box = vec3(node["half"])
+    x, y, z = sub(middle, vec3(node["middle"]))
     ax, ay, az = abs(half.x), abs(half.y), abs(half.z)
-    ex, ey, ez = node["half_x"] + reach, node["half_y"] + reach, node["half_z"] + reach
+    ex, ey, ez = box.x + reach, box.y + reach, box.z + reach
     if abs(x) > ex + ax or abs(y) > ey + ay or abs(z) > ez + az:
         return False
-    gap = Vec3(_outside(x, node["half_x"]), _outside(y, node["half_y"]), _outside(z, node["half_z"]))
+    gap = Vec3(_outside(x, box.x), _outside(y, box.y), _outside(z, box.z))
     distance2 = dot(gap, gap)
     free = distance2 - abs(dot(gap, half))
     return not (
@@ -223,8 +223,5 @@ def nearest_leaf(nodes: RecordArray, p: Vec3) -> int:
 @kernel
 def distance_to_box(nodes: RecordArray, i: int, p: Vec3) -> float:
     """Return the distance from the point p to the box of node i; 0 inside."""
-    node = nodes[i]
-    x = max(0.0, abs(p.x - node["x"]) - node["half_x"])
-    y = max(0.0, abs(p.y - node["y"]) - node["half_y"])
-    z = max(0.0, abs(p.z - node["z"]) - node["half_z"])
-    return math.sqrt(x * x + y * y + z * z)
+    way, box = sub(p, vec3(nodes[i]["middle"])), vec3(nodes[i]["half"])
+    return norm(Vec3(_outside(way.x, box.x), _outside(way.y, box.y), _outside(way.z, box.z)))

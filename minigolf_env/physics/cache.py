@@ -126,7 +126,7 @@ def _write(path: Path, content: bytes) -> None:
 def _warn() -> None:
     warnings.warn(
         "minigolf_env: there is no folder to keep the compiled physics in, so that every process compiles it again "
-        "(about 20 s); set NUMBA_CACHE_DIR to a folder that can be written to, on a disk with 10 MB to spare.",
+        "(about 15 s); set NUMBA_CACHE_DIR to a folder that can be written to, on a disk with 10 MB to spare.",
         RuntimeWarning,
         stacklevel=2,
     )

@@ -182,11 +182,8 @@ def settle(scene: Scene, hit: Collision, contacts: FloatArray, held: int, v: Vec
     held = hold(contacts, held, n, surface_of(scene, hit)["rolling"])
     if rattles:
         held = hold(contacts, held, scale(n, -1.0), 0.0)
-        v = project(contacts, held, v)
-    elif dot(v, n) > 0.0:  # The ball would rise and be back within the step: take that part too.
-        v = project(contacts, hold(contacts, held, scale(n, -1.0), 0.0), v)
-    else:
-        v = project(contacts, held, v)
+    # A part that rises goes too: the ball would be back within the step.
+    v = project(contacts, held, along(v, -max(0.0, dot(v, n)), n))
     slow = GRAZE * scene.dt  # Times gravity: the rounding of a ball that is held fast.
     if dot(v, v) <= slow * slow * dot(scene.gravity, scene.gravity):
         v = Vec3(0.0, 0.0, 0.0)

@@ -17,10 +17,11 @@ except ImportError:  # This numba lacks what it is made of, or names it otherwis
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
-PATIENCE = 1.5
-"""Seconds of silence before the user is told that the physics is being compiled."""
+SILENCE = 1.5
+"""Seconds before the user is told that the physics is being compiled."""
 
-_ready = False
+_ready: set[str] = set()
+"""The uses of the physics that were compiled or loaded in this process."""
 
 
 def kernel(function: Function) -> Function:
@@ -71,18 +72,17 @@ def _compile(function: Function, **options: Any) -> Function:
 
 
 @contextmanager
-def announced_compilation() -> Iterator[None]:
-    """Say on stderr that kernels are being compiled if the first use in a process takes longer than ``PATIENCE``."""
-    global _ready
-    if _ready:
+def announced_compilation(use: str) -> Iterator[None]:
+    """Say on stderr that kernels are being compiled if the first ``use`` in a process takes longer than ``SILENCE``."""
+    if use in _ready:
         yield
         return
-    message = "minigolf_env: compiling the physics, once after each installation (about 20 s) ...\n"
-    timer = threading.Timer(PATIENCE, sys.stderr.write, [message])
+    message = "minigolf_env: compiling the physics, once after each installation (about 15 s) ...\n"
+    timer = threading.Timer(SILENCE, sys.stderr.write, [message])
     timer.daemon = True
     timer.start()
     try:
         yield
-        _ready = True
+        _ready.add(use)
     finally:
         timer.cancel()

@@ -18,7 +18,7 @@ from minigolf_env.physics.kernel import inlined_kernel, kernel
 from minigolf_env.physics.sweep import Collision, no_collision, sooner, sweep
 from minigolf_env.physics.swept_sphere import may_come_near
 from minigolf_env.physics.types import ZERO, RecordArray, Scene, Vec3
-from minigolf_env.physics.vec3 import add, along, dot, norm, scale, sub
+from minigolf_env.physics.vec3 import add, along, dot, norm, scale, sub, vec3
 
 CAPACITY = 24
 """Triangles in a list: more cost more than walking through the tree."""
@@ -30,11 +30,14 @@ FURTHEST = 8.0
 """Paths like the present one that a neighbourhood holds at most: longer ones meet too much that is not on the way."""
 
 CYLINDER = np.dtype(
-    [(name, "f8") for name in ("x", "y", "z", "axis_x", "axis_y", "axis_z", "length", "radius2", "paths")]
-    + [("count", "i8")]
+    [
+        *((name, "f8", (3,)) for name in ("foot", "axis")),
+        *((name, "f8") for name in ("length", "radius2", "paths")),
+        ("count", "i8"),
+    ]
 )
-"""The middle of an end, the unit vector to the other end, the length (m) and the squared radius (m^2), negative while
-there is none; how many paths the next one should hold; the number of triangles in the list."""
+"""The middle of an end, the unit vector to the other end, the length (m; negative while there is no cylinder) and the
+squared radius (m^2); how many paths the next one should hold; the number of triangles in the list."""
 
 
 class Neighbourhood(NamedTuple):
@@ -51,7 +54,7 @@ class Neighbourhood(NamedTuple):
 def no_neighbourhood() -> Neighbourhood:
     """Return scratch memory for one thread, which holds no place yet."""
     cylinder = np.zeros(1, CYLINDER)
-    cylinder[0]["radius2"], cylinder[0]["paths"] = -1.0, FURTHEST
+    cylinder[0]["length"], cylinder[0]["paths"] = -1.0, FURTHEST
     return Neighbourhood(cylinder, np.zeros(CAPACITY, np.int64), np.zeros(QUEUE, np.int64))
 
 
@@ -74,8 +77,8 @@ def sweep_near(scene: Scene, near: Neighbourhood, p: Vec3, w: Vec3) -> Collision
 def _holds(near: Neighbourhood, p: Vec3) -> bool:
     """Return whether the cylinder holds the point p."""
     cylinder = near.cylinder[0]
-    way = Vec3(p.x - cylinder["x"], p.y - cylinder["y"], p.z - cylinder["z"])
-    height = dot(way, Vec3(cylinder["axis_x"], cylinder["axis_y"], cylinder["axis_z"]))
+    way = sub(p, vec3(cylinder["foot"]))
+    height = dot(way, vec3(cylinder["axis"]))
     return bool(0.0 <= height <= cylinder["length"] and dot(way, way) - height * height <= cylinder["radius2"])
 
 
@@ -94,15 +97,15 @@ def _look_around(scene: Scene, near: Neighbourhood, p: Vec3, w: Vec3) -> bool:
         # The cylinder is wider than the path on all sides; its edges are 1.42 times as far away as its sides.
         if _list_triangles(scene, near, p, scale(w, paths), 1.5 * radius + scene.radius + 4.0 * scene.eps):
             foot = along(p, -radius, axis)
-            cylinder["x"], cylinder["y"], cylinder["z"] = foot.x, foot.y, foot.z
-            cylinder["axis_x"], cylinder["axis_y"], cylinder["axis_z"] = axis.x, axis.y, axis.z
+            for k in range(3):
+                cylinder["foot"][k], cylinder["axis"][k] = foot[k], axis[k]
             cylinder["length"] = longer + 2.0 * radius
             cylinder["radius2"] = radius * radius - 1e-14 * cylinder["length"] ** 2  # For rounding in _holds.
             few = 3 * cylinder["count"] <= CAPACITY
             cylinder["paths"] = min(FURTHEST, 2.0 * paths) if few else paths
             return True
         paths *= 0.5
-    cylinder["radius2"], cylinder["paths"] = -1.0, 1.0
+    cylinder["length"], cylinder["paths"] = -1.0, 1.0
     return False
 
 
@@ -138,8 +141,8 @@ def _list_triangles(scene: Scene, near: Neighbourhood, p: Vec3, w: Vec3, reach: 
 
 @kernel
 def _is_near(triangle: np.void, middle: Vec3, half: Vec3, reach: float) -> bool:
-    a = sub(Vec3(triangle["a_x"], triangle["a_y"], triangle["a_z"]), middle)
-    n = Vec3(triangle["n_x"], triangle["n_y"], triangle["n_z"])
-    u = Vec3(triangle["u_x"], triangle["u_y"], triangle["u_z"])
-    v = Vec3(triangle["v_x"], triangle["v_y"], triangle["v_z"])
+    a = sub(vec3(triangle["a"]), middle)
+    n = vec3(triangle["n"])
+    u = vec3(triangle["u"])
+    v = vec3(triangle["v"])
     return may_come_near(a, n, u, v, half, -1.0, 1.0, reach)

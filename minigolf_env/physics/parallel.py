@@ -10,8 +10,6 @@ from typing import Any
 import numba
 import numpy as np
 
-from minigolf_env.physics.kernel import announced_compilation
-
 CHUNKS = 4
 """Pieces of a batch for each thread: putts differ in length, so the threads share more pieces than they are."""
 
@@ -21,12 +19,11 @@ def in_parallel(run: Callable[..., None], n: int, *arguments: Any) -> None:
 
     Plain threads, because the kernels release the GIL: no threading layer that a fork breaks, no second compilation.
     """
-    with announced_compilation():
-        threads = min(numba.get_num_threads(), n)
-        if threads <= 1:
-            return run(0, n, *arguments)
-        ends = np.linspace(0, n, min(n, CHUNKS * threads) + 1).astype(int).tolist()
-        with ThreadPoolExecutor(threads) as pool:
-            for done in [pool.submit(run, a, b, *arguments) for a, b in pairwise(ends)]:
-                done.result()
+    threads = min(numba.get_num_threads(), n)
+    if threads <= 1:
+        return run(0, n, *arguments)
+    ends = np.linspace(0, n, min(n, CHUNKS * threads) + 1).astype(int).tolist()
+    with ThreadPoolExecutor(threads) as pool:
+        for done in [pool.submit(run, a, b, *arguments) for a, b in pairwise(ends)]:
+            done.result()
     return None

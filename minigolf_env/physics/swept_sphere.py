@@ -13,7 +13,7 @@ import numpy as np
 
 from minigolf_env.physics.kernel import inlined_kernel, kernel
 from minigolf_env.physics.types import Vec3
-from minigolf_env.physics.vec3 import add, along, dot, norm, scale, sub
+from minigolf_env.physics.vec3 import add, along, dot, norm, scale, sub, vec3
 
 MISS = 1.0
 """The share of the path of a sphere that meets nothing."""
@@ -67,16 +67,16 @@ def sweep_triangle(p: Vec3, w: Vec3, radius: float, eps: float, triangle: np.voi
     The time is the share of the path, in [0, 1); ``MISS`` stands for no collision, and for one later than ``latest``.
     Colliding is touching (within eps) and approaching so that the rest of the path would end deeper than eps.
     """
-    n = Vec3(triangle["n_x"], triangle["n_y"], triangle["n_z"])
+    n = vec3(triangle["n"])
     wn = dot(w, n)
     if triangle["one_sided"] and wn >= 0.0:
         return MISS, n
-    a = sub(Vec3(triangle["a_x"], triangle["a_y"], triangle["a_z"]), p)
+    a = sub(vec3(triangle["a"]), p)
     height = -dot(a, n)
     if min(height, height + wn) >= radius - eps or max(height, height + wn) <= eps - radius:
         return MISS, n
-    u = Vec3(triangle["u_x"], triangle["u_y"], triangle["u_z"])
-    v = Vec3(triangle["v_x"], triangle["v_y"], triangle["v_z"])
+    u = vec3(triangle["u"])
+    v = vec3(triangle["v"])
     t, gap, rate = 0.0, abs(height) - radius, abs(wn)
     if height * wn < 0.0:
         # A triangle is not met before its plane. Where the plane is met within the triangle, that is all.
@@ -94,8 +94,8 @@ def sweep_triangle(p: Vec3, w: Vec3, radius: float, eps: float, triangle: np.voi
             return t, scale(n, math.copysign(1.0, height))
     if not may_come_near(a, n, u, v, w, t, latest, radius + 2.0 * eps):
         return MISS, n
-    e = Vec3(triangle["e_x"], triangle["e_y"], triangle["e_z"])
-    f = Vec3(triangle["f_x"], triangle["f_y"], triangle["f_z"])
+    e = vec3(triangle["e"])
+    f = vec3(triangle["f"])
     t, normal = _newton(a, e, f, n, u, v, w, t, radius, eps, latest)
     if abs(height + t * wn) >= radius - 2.0 * eps and height * wn < 0.0:
         # Met at a border, but flat: what a ball that rolls over a seam meets is the face, and only if it approaches.
@@ -203,10 +203,10 @@ def _direction(q: Vec3, distance: float, w: Vec3, n: Vec3) -> Vec3:
 def offset(triangle: np.void, p: Vec3) -> Vec3:
     """Return the vector from p to the closest point of a TRIANGLE."""
     return closest_point(
-        sub(Vec3(triangle["a_x"], triangle["a_y"], triangle["a_z"]), p),
-        Vec3(triangle["e_x"], triangle["e_y"], triangle["e_z"]),
-        Vec3(triangle["f_x"], triangle["f_y"], triangle["f_z"]),
-        Vec3(triangle["n_x"], triangle["n_y"], triangle["n_z"]),
-        Vec3(triangle["u_x"], triangle["u_y"], triangle["u_z"]),
-        Vec3(triangle["v_x"], triangle["v_y"], triangle["v_z"]),
+        sub(vec3(triangle["a"]), p),
+        vec3(triangle["e"]),
+        vec3(triangle["f"]),
+        vec3(triangle["n"]),
+        vec3(triangle["u"]),
+        vec3(triangle["v"]),
     )

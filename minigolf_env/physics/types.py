@@ -134,7 +134,7 @@ RESULT = np.dtype([("time", "f8"), *((name, "i8") for name in ("status", "steps"
 
 NODE = np.dtype(
     [
-        *((name, "f8") for name in ("x", "y", "z", "half_x", "half_y", "half_z")),
+        *((name, "f8", (3,)) for name in ("middle", "half")),
         *((name, "i8") for name in ("skip", "first", "size")),
     ],
     align=True,
@@ -144,7 +144,7 @@ a leaf's first triangle and number of triangles, 0 for an inner node. Nodes stan
 
 TRIANGLE = np.dtype(
     [
-        *((f"{vector}_{axis}", "f8") for vector in "aefnuv" for axis in "xyz"),
+        *((vector, "f8", (3,)) for vector in "aefnuv"),
         ("number", "i8"),
         ("surface", "i4"),
         ("one_sided", "?"),

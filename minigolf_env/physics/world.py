@@ -48,13 +48,14 @@ def sweep_sphere(start: ArrayLike, end: ArrayLike, radius: float, triangles: Arr
         triangles: (n, 3, 3) corners, m.
 
     Raises:
-        ValueError: wrong shapes, values that are not finite, radius <= 0.
+        ValueError: wrong shapes, values that are not finite, radius <= 0 or too small beside the coordinates.
     """
     radius = positive_number(radius, "radius", "give the sphere's radius in metres.")
     p, q = _point(start, "start"), _point(end, "end")
     corners = finite_array(triangles, (None, 3, 3), "triangles", "give three corners of x, y, z a triangle.")
     scale = max(radius, *(float(np.abs(array).max(initial=0.0)) for array in (p, q, corners)))
-    with announced_compilation():
+    _require_telling(radius, scale, "radius")
+    with announced_compilation("sweep_sphere"):
         hit = sweep_scan(_records(corners), Vec3(*p), Vec3(*(q - p)), radius, TOLERANCE * scale)
     return Hit(hit.row >= 0, hit.alpha, np.array(hit.normal), hit.order)
 
@@ -102,19 +103,15 @@ class World:
         self.bounds = _checked_bounds(bounds)
         corners = np.concatenate([mesh.triangles for mesh in self.meshes])
         self.scale = max(self.ball_radius, float(np.abs(corners).max()))
-        if self.ball_radius <= 4.0 * TOLERANCE * self.scale:
-            raise ValueError(
-                f"ball_radius: expected more than {4.0 * TOLERANCE * self.scale:g} m in a scene with coordinates up to "
-                f"{self.scale:g} m, received {ball_radius!r}; float64 cannot tell such a ball from a point."
-            )
-        with announced_compilation():
+        _require_telling(self.ball_radius, self.scale, "ball_radius")
+        with announced_compilation("World"):
             self._scene = self._compile(corners)
 
     def _compile(self, corners: FloatArray) -> Scene:
         nodes, order = build_tree(corners)
         sizes = [len(mesh.faces) for mesh in self.meshes]
         triangles = _records(corners)
-        has_area = (triangles["n_x"] != 0.0) | (triangles["n_y"] != 0.0) | (triangles["n_z"] != 0.0)
+        has_area = triangles["n"].any(axis=1)
         triangles["one_sided"] = np.repeat([not mesh.two_sided for mesh in self.meshes], sizes) & has_area
         triangles["surface"] = np.repeat(np.arange(len(sizes)), sizes)
         surfaces = [mesh.surface for mesh in self.meshes]
@@ -138,7 +135,7 @@ class World:
             ValueError: wrong shapes or values that are not finite.
         """
         p, q = _point(start, "start"), _point(end, "end")
-        with announced_compilation():
+        with announced_compilation("sweep"):
             hit = sweep(self._scene, Vec3(*p), Vec3(*(q - p)))
         return Hit(hit.row >= 0, hit.alpha, np.array(hit.normal), hit.order)
 
@@ -151,7 +148,8 @@ class World:
         p, q = _same_length(_points(starts, "starts"), _points(ends, "ends"), "starts", "ends")
         n = len(p)
         alphas, normals, triangles = np.empty(n), np.empty((n, 3)), np.empty(n, np.int64)
-        in_parallel(kernels.sweep_range, n, self._scene, p, q - p, alphas, normals, triangles)
+        with announced_compilation("sweep_batch"):
+            in_parallel(kernels.sweep_range, n, self._scene, p, q - p, alphas, normals, triangles)
         return Hit(triangles >= 0, alphas, normals, triangles)  # type: ignore[arg-type]
 
     def step(self, position: ArrayLike, velocity: ArrayLike) -> tuple[FloatArray, FloatArray]:
@@ -161,7 +159,7 @@ class World:
             ValueError: wrong shapes, values that are not finite, or a ball that intersects a mesh.
         """
         p, v = self._clear(_point(position, "position")), _point(velocity, "velocity")
-        with announced_compilation():
+        with announced_compilation("step"):
             moved = kernels.step(self._scene, kernels.new_scratch(), Vec3(*p), Vec3(*v), NO_LOG, 0, 0.0)
         return np.array(moved.p), np.array(moved.v)
 
@@ -192,7 +190,7 @@ class World:
     def _run(self, p: FloatArray, v: FloatArray, steps: int, path: FloatArray, log: FloatArray) -> tuple[Shot, int]:
         """Return how a run of one ball ends, and the number of time steps begun."""
         end, speed, results = p[None].copy(), v[None].copy(), np.empty(1, RESULT)
-        with announced_compilation():
+        with announced_compilation("simulate"):
             kernels.simulate_range(0, 1, self._scene, kernels.new_scratch(), steps, end, speed, results, path, log)
         time, status, begun, bounces, exhausted = results[0].tolist()
         return Shot(end[0], speed[0], Status(status), time, bounces, exhausted), begun
@@ -216,7 +214,8 @@ class World:
             scratch = kernels.new_scratch()
             kernels.simulate_range(first, last, self._scene, scratch, steps, p, v, results, NO_PATH, NO_LOG)
 
-        in_parallel(run, n)
+        with announced_compilation("simulate"):
+            in_parallel(run, n)
         fields = (np.ascontiguousarray(results[name]) for name in ("time", "bounces", "exhausted"))
         return Shot(p, v, results["status"].astype(np.int8), *fields)  # type: ignore[arg-type]
 
@@ -232,7 +231,8 @@ class World:
         several = np.ndim(position) == 2
         p = _points(position, "position") if several else _point(position, "position")[None]
         clearances = np.empty(len(p))
-        in_parallel(kernels.clearance_range, len(p), self._scene, p, clearances)
+        with announced_compilation("clearance"):
+            in_parallel(kernels.clearance_range, len(p), self._scene, p, clearances)
         return clearances if several else float(clearances[0])
 
     def require_free(self, position: ArrayLike) -> FloatArray:
@@ -282,14 +282,26 @@ class World:
 def _records(corners: FloatArray) -> RecordArray:
     """Return triangles (n, 3, 3) as two-sided TRIANGLE records, numbered in order."""
     records = np.zeros(len(corners), TRIANGLE)
+    # The first corner faces the longest edge: u + v, the direction across that edge, then keeps its digits in needles.
+    opposite = np.linalg.norm(corners[:, [2, 0, 1]] - corners[:, [1, 2, 0]], axis=2)
+    turned = (opposite.argmax(axis=1)[:, None] + np.arange(3)) % 3
+    corners = corners[np.arange(len(corners))[:, None], turned]
     a, e, f = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     n, u, v = face_frames(corners)
     vectors = {"a": a, "e": e, "f": f, "n": n, "u": u, "v": v}
     for name, vector in vectors.items():
-        for k, axis in enumerate("xyz"):
-            records[f"{name}_{axis}"] = vector[:, k]
+        records[name] = vector
     records["number"] = np.arange(len(corners))
     return records
+
+
+def _require_telling(radius: float, scale: float, what: str) -> None:
+    least = 4.0 * TOLERANCE * scale
+    if radius <= least:
+        raise ValueError(
+            f"{what}: expected more than {least:g} m among coordinates up to {scale:g} m, received {radius!r}; "
+            "float64 cannot tell such a ball from a point."
+        )
 
 
 def _point(value: ArrayLike, what: str) -> FloatArray:

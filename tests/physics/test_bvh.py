@@ -70,8 +70,7 @@ def test_leaves_share_out_the_triangles(kind: str) -> None:
     for i, node in enumerate(nodes):
         leaves = [leaf for leaf in nodes[i : node["skip"]] if leaf["size"] > 0]
         rows = np.concatenate([order[leaf["first"] : leaf["first"] + leaf["size"]] for leaf in leaves])
-        for k, axis in enumerate("xyz"):
-            assert (np.abs(triangles[rows, :, k] - node[axis]) <= node[f"half_{axis}"]).all()
+        assert (np.abs(triangles[rows] - node["middle"]) <= node["half"]).all()
         if node["size"] > 0:
             seen[rows] += 1
             assert node["skip"] == i + 1

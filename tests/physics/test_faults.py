@@ -5,7 +5,7 @@ import pytest
 
 from minigolf_env.physics import Status, Surface, TriangleMesh, World, sweep_sphere
 from tests.physics.oracle import Sweep
-from tests.physics.scenes import BALL, box, grid, mesh, room
+from tests.physics.scenes import BALL, box, grid, mesh, room, rotation
 
 
 def test_degenerate_triangle_makes_no_ghost_hit() -> None:
@@ -95,3 +95,17 @@ def test_repeated_triangles_change_nothing() -> None:
     ]
     assert np.array_equal(shots[0].position, shots[1].position)
     assert shots[0].time == shots[1].time
+
+
+@pytest.mark.parametrize("short", [1e-4, 1e-8, 1e-12])
+@pytest.mark.parametrize("first", [0, 1, 2])
+def test_needle_is_met_at_its_short_edge(first: int, short: float) -> None:
+    """Head-on at the short edge of a needle, whichever corner is named first, one step ends outside of it."""
+    rng = np.random.default_rng(3)
+    for _ in range(40):
+        turn, place = rotation(rng), rng.uniform(-0.5, 0.5, 3)
+        needle = np.roll([[0, 0, 0], [1, 0, 0], [1, short, 0]], first, axis=0) @ turn.T + place
+        world = World([TriangleMesh(needle, [[0, 1, 2]], Surface(damping=0.9))], 0.02, gravity=(0, 0, 0))
+        gap, deep = 10.0 ** rng.uniform([-10, -12], [-3, -3])
+        p, _ = world.step(place + turn @ [1.02 + gap, 0, 0], -turn[:, 0] * (gap + deep) / world.dt)
+        assert world.clearance(p) >= -1e-12 * world.scale

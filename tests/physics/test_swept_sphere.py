@@ -67,6 +67,9 @@ def random_case(rng: np.random.Generator, family: str) -> Case:
         triangle = triangle[[[0, 0, 0], [0, 0, 1], [0, 1, 0], [0, 1, 1]][rng.integers(4)]]
     elif family == "needle and giant":
         triangle[1:] *= 10.0 ** rng.uniform(-6, 3)
+    elif family == "tip":
+        first, second = rng.permutation(3)[:2]
+        triangle[second] = triangle[first] + rng.normal(size=3) * 10.0 ** rng.uniform(-15, -3)
     weights = rng.dirichlet([0.5, 0.5, 0.5])
     target = weights @ triangle
     way = rng.normal(size=3)
@@ -86,13 +89,28 @@ def random_case(rng: np.random.Generator, family: str) -> Case:
         start = target + radius * face - rng.random() * length * way
         drop = 10.0 ** rng.uniform(-13, -9)
         start, way = start + rng.uniform(-1, 1) * drop * face, way - drop / length * face
+    if family == "tip":
+        way = triangle.mean(axis=0) - triangle[first] + 0.2 * rng.normal(size=3)
+        way /= np.linalg.norm(way)
+        start = triangle[first] - (radius + 10.0 ** rng.uniform(-9, 0)) * way
     if family == "far":
         away = rng.uniform(-1, 1, 3) * 1e6
         start, triangle = start + away, triangle + away
     return start, start + way * length, radius, triangle[None]
 
 
-FAMILIES = ["random", "graze", "sliver", "degenerate", "needle and giant", "far", "skim", "tiny path", "long path"]
+FAMILIES = [
+    "random",
+    "graze",
+    "sliver",
+    "degenerate",
+    "needle and giant",
+    "far",
+    "skim",
+    "tip",
+    "tiny path",
+    "long path",
+]
 
 
 @pytest.mark.parametrize("family", [*FAMILIES, "touching start", "inside start"])
