@@ -75,15 +75,15 @@ MUTATIONS = [
             ),
         ),
     ),
-    Mutation("a dropped edge", "swept_sphere.py", "if along_e + along_f >= 1.0:", "if along_e == math.inf:"),
+    Mutation("a dropped edge", "swept_sphere.py", "if x + y >= 1.0:", "if x == math.inf:"),
     Mutation(
         "an edge without ends", "swept_sphere.py", "min(1.0, max(0.0, -dot(a, ab) / length2))", "-dot(a, ab) / length2"
     ),
     Mutation(
         "<= for < at the collision that counts",
         "swept_sphere.py",
-        "        if sooner >= 1.0 or sooner > latest:",
-        "        if sooner >= 1.0 or sooner >= latest:",
+        "        if next_t >= 1.0 or next_t > latest:",
+        "        if next_t >= 1.0 or next_t >= latest:",
     ),
     Mutation(
         "unclamped alpha",
@@ -141,10 +141,10 @@ MUTATIONS = [
     Mutation(
         "a plane met beside its triangle",
         "swept_sphere.py",
-        f"            and {INSIDE} t)\n            and {INSIDE} deeper)\n",
+        f"            and {INSIDE} t)\n            and {INSIDE} t_deep)\n",
         "",
     ),
-    Mutation("deeper is not asked for", "swept_sphere.py", f"            and {INSIDE} deeper)\n", ""),
+    Mutation("deeper is not asked for", "swept_sphere.py", f"            and {INSIDE} t_deep)\n", ""),
     Mutation("only deeper is asked for", "swept_sphere.py", f"            and {INSIDE} t)\n", ""),
     Mutation("a foot beyond an edge at one time", "swept_sphere.py", "max(x, x_end), max(y", "min(x, x_end), max(y"),
     Mutation("a foot beyond the third edge", "swept_sphere.py", "max(1.0 - x - y, 1", "min(1.0 - x - y, 1"),

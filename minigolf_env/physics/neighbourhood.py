@@ -94,7 +94,7 @@ def _look_around(scene: Scene, near: Neighbourhood, p: Vec3, w: Vec3) -> bool:
     while paths >= 1.0:
         longer = paths * length
         radius = paths * paths * scene.dt * scene.dt * norm(scene.gravity) + 1e-4 * longer + 4.0 * scene.eps
-        # The cylinder is wider than the path on all sides; its edges are 1.42 times as far away as its sides.
+        # A point of the cylinder is at most 1.42 radii from the path; from there a ball meets what is within its own.
         if _list_triangles(scene, near, p, scale(w, paths), 1.5 * radius + scene.radius + 4.0 * scene.eps):
             foot = along(p, -radius, axis)
             for k in range(3):

@@ -1,7 +1,9 @@
 """The time of first contact of a moving sphere with one triangle, exact to rounding.
 
-The distance from a point on a line to a convex set is convex in time, so Newton's method on
-phi(t) = distance(p + t w, triangle) - r rises monotonically to the first contact and can neither pass nor miss it.
+A triangle is not met before its plane; where the sphere meets the plane within the triangle, that is the contact, in
+closed form. Elsewhere it can only be at the border. The distance from a point on a line to a convex set is convex in
+time, so Newton's method on phi(t) = distance(p + t w, triangle) - r, from the time of the plane on, rises monotonically
+to the first contact and can neither pass nor miss it; triangles that stay out of reach are told apart before it starts.
 Everything is computed relative to the sphere's start: corners are small numbers where it matters.
 """
 
@@ -22,7 +24,7 @@ PARALLEL = 2.0**-47
 """An approach slower than this share of the speed is rounding (some units in the last place), not an approach."""
 
 MAX_NEWTON = 64
-"""Iterations; 1.15 on average and 11 at most were ever seen. Stopping early is early, never late."""
+"""Iterations; 3 on average and 18 at most for the borders met in the reference data. Stopping early is never late."""
 
 
 @kernel
@@ -41,13 +43,13 @@ def closest_point(a: Vec3, e: Vec3, f: Vec3, n: Vec3, u: Vec3, v: Vec3) -> Vec3:
     Above the face it is the foot on the plane, elsewhere the nearest point of the edges that the origin is beyond: near
     a border both are the same point, so a wrong choice by rounding does no harm. A triangle without area is its edges.
     """
-    along_e, along_f = -dot(a, u), -dot(a, v)
+    x, y = -dot(a, u), -dot(a, v)
     best, q = math.inf, scale(n, dot(a, n))
-    if along_f <= 0.0:
+    if y <= 0.0:
         best, q = _closer(best, q, closest_on_segment(a, e))
-    if along_e <= 0.0:
+    if x <= 0.0:
         best, q = _closer(best, q, closest_on_segment(a, f))
-    if along_e + along_f >= 1.0:
+    if x + y >= 1.0:
         best, q = _closer(best, q, closest_on_segment(add(a, e), sub(f, e)))
     return q
 
@@ -84,12 +86,12 @@ def sweep_triangle(p: Vec3, w: Vec3, radius: float, eps: float, triangle: np.voi
             t = gap / rate
         if t > latest:
             return MISS, n
-        deeper = max(t, (gap + eps) / rate)
+        t_deep = max(t, (gap + eps) / rate)
         if (
             gap >= -2.0 * eps
             and approaches(-rate, w)
             and _is_inside(-dot(a, u), -dot(a, v), dot(w, u), dot(w, v), t)
-            and _is_inside(-dot(a, u), -dot(a, v), dot(w, u), dot(w, v), deeper)
+            and _is_inside(-dot(a, u), -dot(a, v), dot(w, u), dot(w, v), t_deep)
         ):
             return t, scale(n, math.copysign(1.0, height))
     if not may_come_near(a, n, u, v, w, t, latest, radius + 2.0 * eps):
@@ -112,9 +114,9 @@ def approaches(rate: float, w: Vec3) -> bool:
 
 
 @inlined_kernel
-def _is_inside(along_e: float, along_f: float, speed_e: float, speed_f: float, t: float) -> bool:
+def _is_inside(x: float, y: float, speed_x: float, speed_y: float, t: float) -> bool:
     """Return whether the centre is above the face at time t, given its coordinates along the edges at 0."""
-    x, y = along_e + t * speed_e, along_f + t * speed_f
+    x, y = x + t * speed_x, y + t * speed_y
     return x > 0.0 and y > 0.0 and x + y < 1.0
 
 
@@ -156,12 +158,12 @@ def _newton(
             if gap + (1.0 - t) * rate >= -eps or not _goes_deeper(a, e, f, n, u, v, w, t, radius - eps):
                 return MISS, normal
             return t, normal
-        sooner = t - gap / rate
-        if sooner >= 1.0 or sooner > latest:
+        next_t = t - gap / rate
+        if next_t >= 1.0 or next_t > latest:
             return MISS, normal
-        if sooner <= t:
+        if next_t <= t:
             return t, normal
-        t = sooner
+        t = next_t
     return t, normal
 
 
@@ -176,12 +178,12 @@ def _goes_deeper(a: Vec3, e: Vec3, f: Vec3, n: Vec3, u: Vec3, v: Vec3, w: Vec3, 
             return True
         if not approaches(rate, w):
             return False
-        sooner = t - (distance - depth) / rate
-        if sooner >= 1.0:
+        next_t = t - (distance - depth) / rate
+        if next_t >= 1.0:
             return False
-        if sooner <= t:
+        if next_t <= t:
             return True
-        t = sooner
+        t = next_t
     return True
 
 
