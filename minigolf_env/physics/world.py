@@ -67,11 +67,11 @@ class World:
     damped reflection, the rest of the step. Contacts too weak to bounce last: the ball slides or rolls, is braked, and
     rests.
 
-    Guaranteed, whatever the speed, the meshes and dt, with ``scale`` the largest coordinate: after every piece of a
-    step the ball's clearance to every triangle is >= -1e-12 scale; no contact is missed, and none but a grazing one is
-    late by more than 1e-12 scale; every step and every run ends. A step has at most 64 pieces; should they run out, the
-    rest of its time is dropped, and counted as ``exhausted``: time may be lost, never a contact. Results are the same
-    bits whatever the batch, the number of threads, and what was asked before.
+    Guaranteed, whatever the speed and dt, with ``scale`` the largest coordinate and meshes as TriangleMesh asks for
+    them: after every piece of a step the ball's clearance to every triangle is >= -1e-12 scale; no contact is missed,
+    and none but a grazing one is late by more than 1e-12 scale; every step and every run ends. A step has at most 64
+    pieces; should they run out, the rest of its time is dropped, and counted as ``exhausted``: time may be lost, never
+    a contact. Results are the same bits whatever the batch, the number of threads, and what was asked before.
 
     Args:
         meshes: one or more TriangleMesh.
