@@ -188,7 +188,7 @@ MUTATIONS = [
         "        held = hold(contacts, held, scale(n, -1.0), 0.0)\n",
         "        pass\n",
     ),
-    Mutation("a first corner of any kind", "world.py", "opposite.argmax(axis=1)", "opposite.argmin(axis=1)"),
+    Mutation("a first corner of any kind", "normals.py", "opposite.argmax(axis=1)", "opposite.argmin(axis=1)"),
     Mutation("a rising part is kept", "contact.py", "along(v, -max(0.0, dot(v, n)), n))", "v)"),
     Mutation("a rattling ball bounces", "simulate.py", "if lasts or rattles:", "if lasts:"),
     Mutation("a stop is never final", "simulate.py", "Vec3(0.0, 0.0, 0.0) if rattles else stop(", "stop("),

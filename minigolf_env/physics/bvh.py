@@ -24,7 +24,6 @@ BINS = 16
 LOPSIDED = 32
 """A split that leaves less than this fraction on one side is replaced by halves: building stays n log n."""
 
-
 TINY = 2.0**-1022
 """The smallest half extent, m: rounding up a zero."""
 
@@ -195,19 +194,6 @@ def is_on_path(nodes: RecordArray, i: int, middle: Vec3, half: Vec3, reach: floa
 def _outside(x: float, half: float) -> float:
     """Return how far, and to which side, a coordinate x is outside of -half to half."""
     return x - max(-half, min(half, x))
-
-
-@kernel
-def next_leaf_within(nodes: RecordArray, i: int, p: Vec3, reach: float) -> int:
-    """Return the first leaf from node i on whose box is within ``reach`` of the point p; -1 if none."""
-    while i < len(nodes):
-        if distance_to_box(nodes, i, p) > reach:
-            i = nodes[i]["skip"]
-        elif nodes[i]["size"] > 0:
-            return i
-        else:
-            i += 1
-    return -1
 
 
 @kernel

@@ -1,4 +1,4 @@
-"""How the physics is compiled: one decorator, and one line for the user when compiling takes a while."""
+"""How the physics is compiled: a decorator for each kind of caller, and a line for the user who waits for it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Face normals and what goes with them, right to the last bits even for slivers.
+"""The triangles as the kernels read them; face normals, right to the last bits even for slivers.
 
 The cross product of two edges cancels: for a triangle a million times longer than high, plain float64 tilts the normal
 by 1e-10, which over the triangle's length is more than the physics tolerates. Edges and products are therefore taken
@@ -10,10 +10,24 @@ from __future__ import annotations
 
 import numpy as np
 
-from minigolf_env.physics.types import FloatArray
+from minigolf_env.physics.types import TRIANGLE, FloatArray, RecordArray
 
 FLAT = 1e-25
 """A triangle whose area is less than this share of its edges' product has no normal: float64 twice over ends there."""
+
+
+def triangle_records(corners: FloatArray) -> RecordArray:
+    """Return triangles (n, 3, 3) as two-sided TRIANGLE records, numbered in order."""
+    # The first corner faces the longest edge: u + v, the direction across that edge, then keeps its digits in needles.
+    opposite = np.linalg.norm(corners[:, [2, 0, 1]] - corners[:, [1, 2, 0]], axis=2)
+    turned = (opposite.argmax(axis=1)[:, None] + np.arange(3)) % 3
+    corners = corners[np.arange(len(corners))[:, None], turned]
+    records = np.zeros(len(corners), TRIANGLE)
+    records["a"] = corners[:, 0]
+    records["e"], records["f"] = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    records["n"], records["u"], records["v"] = face_frames(corners)
+    records["number"] = np.arange(len(corners))
+    return records
 
 
 def face_frames(triangles: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -128,7 +128,6 @@ class Shot(NamedTuple):
 IMPACT = np.dtype([("time", "f8"), ("position", "f8", 3), ("normal", "f8", 3), ("triangle", "i8")])
 """One bounce: time (s), the ball's centre (m), the unit normal, the triangle."""
 
-
 RESULT = np.dtype([("time", "f8"), *((name, "i8") for name in ("status", "steps", "bounces", "exhausted"))])
 """How a run ended: its time (s) and Status, the time steps begun, the bounces, the exhausted steps."""
 

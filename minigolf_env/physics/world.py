@@ -14,7 +14,7 @@ from minigolf_env.physics.bvh import build_tree
 from minigolf_env.physics.checks import finite_array, one_of, positive_number
 from minigolf_env.physics.kernel import announced_compilation
 from minigolf_env.physics.mesh import TriangleMesh
-from minigolf_env.physics.normals import face_frames
+from minigolf_env.physics.normals import triangle_records
 from minigolf_env.physics.parallel import in_parallel
 from minigolf_env.physics.sweep import sweep, sweep_scan
 from minigolf_env.physics.types import (
@@ -22,10 +22,8 @@ from minigolf_env.physics.types import (
     RESULT,
     SURFACE,
     TOLERANCE,
-    TRIANGLE,
     FloatArray,
     Hit,
-    RecordArray,
     Scene,
     Shot,
     Status,
@@ -56,7 +54,7 @@ def sweep_sphere(start: ArrayLike, end: ArrayLike, radius: float, triangles: Arr
     scale = max(radius, *(float(np.abs(array).max(initial=0.0)) for array in (p, q, corners)))
     _require_telling(radius, scale, "radius")
     with announced_compilation("sweep_sphere"):
-        hit = sweep_scan(_records(corners), Vec3(*p), Vec3(*(q - p)), radius, TOLERANCE * scale)
+        hit = sweep_scan(triangle_records(corners), Vec3(*p), Vec3(*(q - p)), radius, TOLERANCE * scale)
     return Hit(hit.row >= 0, hit.alpha, np.array(hit.normal), hit.order)
 
 
@@ -110,7 +108,7 @@ class World:
     def _compile(self, corners: FloatArray) -> Scene:
         nodes, order = build_tree(corners)
         sizes = [len(mesh.faces) for mesh in self.meshes]
-        triangles = _records(corners)
+        triangles = triangle_records(corners)
         has_area = triangles["n"].any(axis=1)
         triangles["one_sided"] = np.repeat([not mesh.two_sided for mesh in self.meshes], sizes) & has_area
         triangles["surface"] = np.repeat(np.arange(len(sizes)), sizes)
@@ -277,22 +275,6 @@ class World:
                 f"max_time: expected {MOST_STEPS * self.dt:g} s at most, received {max_time!r}; give less."
             )
         return max(1, math.ceil(limit / self.dt - 1e-9))
-
-
-def _records(corners: FloatArray) -> RecordArray:
-    """Return triangles (n, 3, 3) as two-sided TRIANGLE records, numbered in order."""
-    records = np.zeros(len(corners), TRIANGLE)
-    # The first corner faces the longest edge: u + v, the direction across that edge, then keeps its digits in needles.
-    opposite = np.linalg.norm(corners[:, [2, 0, 1]] - corners[:, [1, 2, 0]], axis=2)
-    turned = (opposite.argmax(axis=1)[:, None] + np.arange(3)) % 3
-    corners = corners[np.arange(len(corners))[:, None], turned]
-    a, e, f = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    n, u, v = face_frames(corners)
-    vectors = {"a": a, "e": e, "f": f, "n": n, "u": u, "v": v}
-    for name, vector in vectors.items():
-        records[name] = vector
-    records["number"] = np.arange(len(corners))
-    return records
 
 
 def _require_telling(radius: float, scale: float, what: str) -> None:
