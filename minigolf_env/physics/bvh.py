@@ -197,6 +197,22 @@ def _outside(x: float, half: float) -> float:
 
 
 @kernel
+def next_leaf_within(nodes: RecordArray, i: int, p: Vec3, reach: float) -> int:
+    """Return the first leaf from node i on whose box is within ``reach`` of the point p; -1 if none.
+
+    ``next_leaf_on_path`` with a path of no length gives the same in 1.3 times the time.
+    """
+    while i < len(nodes):
+        if distance_to_box(nodes, i, p) > reach:
+            i = nodes[i]["skip"]
+        elif nodes[i]["size"] > 0:
+            return i
+        else:
+            i += 1
+    return -1
+
+
+@kernel
 def nearest_leaf(nodes: RecordArray, p: Vec3) -> int:
     """Return a leaf near the point p, by always going into the nearer child: a first guess, not the nearest."""
     i = ZERO

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from minigolf_env.physics.bvh import nearest_leaf, next_leaf_on_path
+from minigolf_env.physics.bvh import nearest_leaf, next_leaf_on_path, next_leaf_within
 from minigolf_env.physics.kernel import entry_kernel, inlined_kernel, kernel
 from minigolf_env.physics.swept_sphere import MISS, offset, sweep_triangle
 from minigolf_env.physics.types import ZERO, RecordArray, Scene, Vec3
@@ -92,12 +92,11 @@ def sooner(triangles: RecordArray, i: int, p: Vec3, w: Vec3, radius: float, eps:
 @kernel
 def distance(scene: Scene, p: Vec3) -> float:
     """Return the distance from the point p to the nearest triangle."""
-    here = Vec3(0.0, 0.0, 0.0)
     best = _distance_in_leaf(scene, nearest_leaf(scene.nodes, p), p)
-    leaf = next_leaf_on_path(scene.nodes, ZERO, p, here, best)
+    leaf = next_leaf_within(scene.nodes, ZERO, p, best)
     while leaf >= 0:
         best = min(best, _distance_in_leaf(scene, leaf, p))
-        leaf = next_leaf_on_path(scene.nodes, scene.nodes[leaf]["skip"], p, here, best)
+        leaf = next_leaf_within(scene.nodes, scene.nodes[leaf]["skip"], p, best)
     return best
 
 
