@@ -80,7 +80,7 @@ def build(cup_radius: float = Cup.radius) -> Course:
     left, front, right, back = outside.bounds
     return Course(
         name="dogleg",
-        parts=(*_floor(cup), part("border", extruded(outside - LANE, -ROOT, HEIGHT), "wall", WOOD), *_obstacles()),
+        parts=(*_floor(cup), part("border", extruded(outside - LANE, -ROOT, HEIGHT), "wood", WOOD), *_obstacles()),
         tee=TEE,
         cup=cup,
         par=2,

@@ -10,8 +10,9 @@ from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
 from minigolf_env.courses import Course
-from minigolf_env.envs.options import check_actions, check_lie, check_render_mode, make_task
+from minigolf_env.envs.options import check_actions, check_lie, check_rendering, make_task
 from minigolf_env.envs.task import FloatArray, Outcome, Result, action_space, observation_space
+from minigolf_env.rendering import FPS, RENDER_MODES, Screen
 
 Observation = NDArray[np.float32]
 Action = NDArray[np.float32]
@@ -58,7 +59,12 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
 
     ## Arguments
     course: a name of ``minigolf_env.courses.list_courses()``, or a Course with a cup.
-    render_mode: None; there are no pictures yet.
+    render_mode: None; "rgb_array": ``render()`` returns a picture (height, width, 3), uint8, of where the ball lies and
+        how it came there; "rgb_array_list": ``render()`` returns the pictures of all putts since the last call or the
+        reset, 30 a second; "human": ``step()`` shows the putt in a window, in real time.
+    render_size: width and height of the pictures or the window, pixels.
+    camera: "follow" (from behind the ball), "top", "tee" (from behind the tee), "orbit" (turning around the course).
+    render_profile: "high", with smooth edges; "fast"; or "auto": "high", but "fast" in a window drawn without a GPU.
     reward: "shaped" or "strokes".
     observation: "state".
     max_strokes: strokes after which an episode ends, at least 1.
@@ -76,12 +82,24 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
     v0: initial version.
     """
 
-    metadata: dict[str, Any] = {"render_modes": [], "render_fps": 30}  # noqa: RUF012 (the base class types it so)
+    metadata: dict[str, Any] = {  # noqa: RUF012 (the base class types it so)
+        "render_modes": list(RENDER_MODES),
+        "render_fps": FPS,
+    }
 
-    def __init__(self, course: str | Course = "dogleg", render_mode: str | None = None, **options: Any) -> None:
-        check_render_mode(render_mode)
+    def __init__(
+        self,
+        course: str | Course = "dogleg",
+        render_mode: str | None = None,
+        render_size: tuple[int, int] = (640, 480),
+        camera: str = "follow",
+        render_profile: str = "auto",
+        **options: Any,
+    ) -> None:
+        settings = check_rendering(render_mode, RENDER_MODES, render_size, camera, render_profile)
         self.render_mode = render_mode
         self.task = make_task(course, **options)
+        self.screen = Screen(self.task.course, settings, self.task.trace)
         self.action_space = action_space()
         self.observation_space = observation_space()
         self._position: FloatArray | None = None
@@ -102,6 +120,7 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
         if position is None:
             position = self.task.tee_off(self.np_random)
         self._position, self._strokes, self._over = position, 0, False
+        self.screen.put(position)
         return self._observe(), self._info("tee", 0.0, 0, holed=False)
 
     def step(self, action: ArrayLike) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
@@ -110,7 +129,8 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
         if self._over:
             raise ResetNeeded("The episode is over; call reset() before the next step().")
         putt = check_actions(action, (2,))
-        outcome = self.task.play(before[None], self.task.launch(putt[None], self.task.disturb([self.np_random])))
+        velocity = self.task.launch(putt[None], self.task.disturb([self.np_random]))
+        outcome = self.task.play(before[None], velocity)
         holed = bool(outcome.holed[0])
         self._position = outcome.position[0]
         self._strokes += 1
@@ -118,7 +138,17 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
         reward = self.task.rewards(before, self._position, np.array(self._over))
         status = Result(int(outcome.result[0])).name.lower()
         info = self._info(status, float(outcome.time[0]), int(outcome.bounces[0]), holed=holed)
+        self.screen.putt(before, velocity[0], self._position)
         return self._observe(), float(reward), self._over, False, info
+
+    def render(self) -> Any:
+        """Return what the render mode promises: a picture, a list of pictures, or None."""
+        self._ball()
+        return self.screen.render()
+
+    def close(self) -> None:
+        """Close the window, if there is one."""
+        self.screen.close()
 
     def what_if(self, actions: ArrayLike) -> Outcome:
         """Return what putts (N, 2) from the present state would lead to, without noise and without moving the ball."""
@@ -154,6 +184,7 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
             except (KeyError, TypeError, ValueError) as error:
                 raise ValueError(f"np_random: expected a state of numpy's PCG64 generator; {error}") from error
         self._position, self._strokes, self._over = position, int(strokes), over
+        self.screen.put(position)
 
     def _ball(self) -> NDArray[np.float64]:
         if self._position is None:

@@ -12,8 +12,9 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
 from minigolf_env.courses import Course
-from minigolf_env.envs.options import check_actions, check_render_mode, make_task
+from minigolf_env.envs.options import check_actions, check_rendering, make_task
 from minigolf_env.envs.task import FloatArray, Result, action_space, observation_space
+from minigolf_env.rendering import FPS, Screen
 
 Observations = NDArray[np.float32]
 Actions = NDArray[np.float32]
@@ -29,7 +30,8 @@ class MiniGolfVectorEnv(gym.vector.VectorEnv[Observations, Actions, NDArray[Any]
     Args:
         num_envs: N >= 1.
         course: as for MiniGolfEnv.
-        render_mode: None.
+        render_mode: None; "rgb_array": ``render()`` returns a tuple of N pictures; "rgb_array_list": N lists of them.
+        render_size, camera, render_profile: as for MiniGolfEnv.
         autoreset_mode: "NextStep" (the step after an episode's last resets it and ignores the action), "SameStep" (the
             last step resets at once; the end is in info's "final_obs" and "final_info") or "Disabled" (call
             ``reset(options={"reset_mask": mask})``).
@@ -40,8 +42,8 @@ class MiniGolfVectorEnv(gym.vector.VectorEnv[Observations, Actions, NDArray[Any]
     """
 
     metadata: dict[str, Any] = {  # noqa: RUF012 (the base class types it so)
-        "render_modes": [],
-        "render_fps": 30,
+        "render_modes": ["rgb_array", "rgb_array_list"],
+        "render_fps": FPS,
         "autoreset_mode": AutoresetMode.NEXT_STEP,
     }
 
@@ -50,18 +52,23 @@ class MiniGolfVectorEnv(gym.vector.VectorEnv[Observations, Actions, NDArray[Any]
         num_envs: int = 1,
         course: str | Course = "dogleg",
         render_mode: str | None = None,
+        render_size: tuple[int, int] = (640, 480),
+        camera: str = "follow",
+        render_profile: str = "auto",
         *,
         autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
         **options: Any,
     ) -> None:
         if type(num_envs) is not int or num_envs < 1:
             raise ValueError(f"num_envs: expected an integer >= 1, received {num_envs!r}.")
-        check_render_mode(render_mode)
+        settings = check_rendering(render_mode, self.metadata["render_modes"], render_size, camera, render_profile)
         self.render_mode = render_mode
         self.num_envs = num_envs
         self.autoreset_mode = _autoreset(autoreset_mode)
         self.metadata = {**self.metadata, "autoreset_mode": self.autoreset_mode}
         self.task = make_task(course, **options)
+        shown = num_envs if render_mode is not None else 0
+        self._screens = tuple(Screen(self.task.course, settings, self.task.trace) for _ in range(shown))
         self.single_action_space, self.single_observation_space = action_space(), observation_space()
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
@@ -98,8 +105,12 @@ class MiniGolfVectorEnv(gym.vector.VectorEnv[Observations, Actions, NDArray[Any]
         rows = np.flatnonzero(playing)
         before = self._positions[rows]
         draws = self.task.disturb([self._rngs[i] for i in rows])
-        outcome = self.task.play(before, self.task.launch(putts[rows], draws))
+        velocities = self.task.launch(putts[rows], draws)
+        outcome = self.task.play(before, velocities)
         self._positions[rows] = outcome.position
+        if self._screens:
+            for k, i in enumerate(rows):
+                self._screens[i].putt(before[k], velocities[k], outcome.position[k])
         self._strokes[rows] += 1
         over = outcome.holed | (self._strokes[rows] >= self.task.max_strokes)
         rewards, terminated = np.zeros(self.num_envs), np.zeros(self.num_envs, np.bool_)
@@ -117,13 +128,19 @@ class MiniGolfVectorEnv(gym.vector.VectorEnv[Observations, Actions, NDArray[Any]
             info = self._restart(terminated, info)
         return self._observe(), rewards, terminated, np.zeros(self.num_envs, np.bool_), info
 
+    def render(self) -> tuple[Any, ...] | None:
+        """Return what the render mode promises, of each environment; None without one."""
+        if not self._rngs:
+            raise ResetNeeded("Call reset() first: there are no balls on the course yet.")
+        return tuple(screen.render() for screen in self._screens) or None
+
     def _restart(self, ended: Flags, final: dict[str, Any]) -> dict[str, Any]:
         """Begin new episodes where one ended; return their info, with the old one's end in it."""
         final_obs = np.full(self.num_envs, None, dtype=object)
         observations = self._observe()
         for i in np.flatnonzero(ended):
             final_obs[i] = observations[i]
-        self._tee_off(ended)
+        self._tee_off(ended, keep_last=True)
         status, time, bounces = final["status"].copy(), final["shot_time"].copy(), final["bounces"].copy()
         status[ended], time[ended], bounces[ended] = "tee", 0.0, 0
         info = self._info(status, time, bounces)
@@ -146,9 +163,11 @@ class MiniGolfVectorEnv(gym.vector.VectorEnv[Observations, Actions, NDArray[Any]
             if fresh or seeds[i] is not None:
                 self._rngs[i], _ = gym.utils.seeding.np_random(seeds[i])
 
-    def _tee_off(self, mask: Flags) -> None:
+    def _tee_off(self, mask: Flags, keep_last: bool = False) -> None:
         for i in np.flatnonzero(mask):
             self._positions[i] = self.task.tee_off(self._rngs[i])
+            if self._screens:
+                self._screens[i].put(self._positions[i].copy(), keep_last)
         self._strokes[mask], self._over[mask] = 0, False
 
     def _observe(self) -> Observations:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import functools
+import operator
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,6 +13,7 @@ from minigolf_env.courses import Course, load_course
 from minigolf_env.envs.task import REWARDS, FloatArray, Task
 from minigolf_env.physics import World
 from minigolf_env.physics.checks import finite_array, one_of, positive_number
+from minigolf_env.rendering import CAMERAS, PROFILES, Settings
 
 OBSERVATIONS = ("state",)
 TEES = ("random", "fixed")
@@ -75,10 +78,24 @@ def check_lie(task: Task, position: ArrayLike) -> FloatArray:
     return ball
 
 
-def check_render_mode(render_mode: str | None) -> None:
-    """Raise a ValueError for a render mode there is not."""
+def check_rendering(
+    render_mode: str | None, modes: Sequence[str], render_size: tuple[int, int], camera: str, render_profile: str
+) -> Settings:
+    """Return how an environment that has some render modes is to show itself, or raise a ValueError."""
     if render_mode is not None:
-        raise ValueError(f"render_mode: expected None, received {render_mode!r}; there are no pictures yet.")
+        one_of(render_mode, modes, "render_mode")
+    try:
+        width, height = (operator.index(side) for side in render_size)
+    except (TypeError, ValueError):
+        width = height = 0
+    if width < 1 or height < 1:
+        raise ValueError(f"render_size: expected width and height in pixels, at least 1, received {render_size!r}.")
+    return Settings(
+        mode=render_mode,
+        size=(width, height),
+        camera=one_of(camera, CAMERAS, "camera"),
+        profile=one_of(render_profile, PROFILES, "render_profile"),
+    )
 
 
 def _noise(value: tuple[float, float]) -> tuple[float, float]:

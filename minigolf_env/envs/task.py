@@ -147,6 +147,11 @@ class Task:
         position = np.where(stays[:, None], shot.position, positions)
         return Outcome(position, result, np.asarray(shot.time), np.asarray(shot.bounces))
 
+    def trace(self, position: FloatArray, velocity: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the path (T, 3), m, that a ball takes from a position and velocity (3,), and its times (T,), s."""
+        shot = self.world.simulate(position, velocity, MAX_TIME, record=True)
+        return np.asarray(shot.path), np.asarray(shot.times)
+
     def is_holed(self, positions: FloatArray, velocities: FloatArray) -> NDArray[np.bool_]:
         """Return whether balls (..., 3) are in the cup for good: below the rim, without the energy to come out.
 

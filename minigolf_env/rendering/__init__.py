@@ -1,0 +1,19 @@
+"""Pictures of a course and what happens on it. Importing this loads no OpenGL; the first picture does."""
+
+from minigolf_env.rendering.camera import CAMERAS, Camera
+from minigolf_env.rendering.errors import RenderingError
+from minigolf_env.rendering.frame import Frame, Line
+from minigolf_env.rendering.screen import FPS, PROFILES, RENDER_MODES, Screen, Settings
+
+__all__ = [
+    "CAMERAS",
+    "FPS",
+    "PROFILES",
+    "RENDER_MODES",
+    "Camera",
+    "Frame",
+    "Line",
+    "RenderingError",
+    "Screen",
+    "Settings",
+]

@@ -1,0 +1,179 @@
+"""OpenGL without a window: one EGL context a process, made when first needed.
+
+This module is imported before any other of OpenGL's, because PyOpenGL chooses its platform when it is imported.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from minigolf_env.rendering.errors import RenderingError
+
+DEVICE_VARIABLE = "MINIGOLF_EGL_DEVICE"
+"""Environment variable: the number of the EGL device to draw on; unset, the first that works."""
+
+PLATFORM_DEVICE, PLATFORM_SURFACELESS = 0x313F, 0x31DD
+"""EGL_PLATFORM_DEVICE_EXT and EGL_PLATFORM_SURFACELESS_MESA, from the extensions EGL_EXT_platform_device and
+EGL_MESA_platform_surfaceless."""
+
+INSTALL = "On Debian or Ubuntu: apt-get install libegl1 libgl1 (libgl1 brings the drivers that draw without a GPU)."
+
+
+if sys.platform == "linux":
+    os.environ.setdefault("PYOPENGL_PLATFORM", "egl")
+
+
+class HeadlessContext:
+    """An OpenGL 3.3 core context with no surface, to draw into framebuffer objects.
+
+    Use it as ``with context.current():``; whatever context was current in the thread before is so again afterwards, and
+    threads take turns.
+
+    Raises:
+        RenderingError: there is no EGL here, or none of its displays can draw.
+    """
+
+    def __init__(self) -> None:
+        self._egl = _load_egl()
+        self._pid = os.getpid()
+        self._lock = threading.RLock()
+        self._display, self._context = self._create()
+
+    @contextmanager
+    def current(self) -> Iterator[None]:
+        """Make the context current within a ``with`` block.
+
+        Raises:
+            RenderingError: in a process that was forked from the one that made the context.
+        """
+        if os.getpid() != self._pid:
+            raise RenderingError(
+                "rendering: expected the process that first rendered, received a fork of it, where OpenGL would hang; "
+                "start workers with the 'spawn' or 'forkserver' method, or render in the parent only after forking."
+            )
+        egl = self._egl
+        with self._lock:
+            before = (
+                egl.eglGetCurrentDisplay() or self._display,
+                egl.eglGetCurrentSurface(egl.EGL_DRAW),
+                egl.eglGetCurrentSurface(egl.EGL_READ),
+                egl.eglGetCurrentContext(),
+            )
+            with glx_released():
+                egl.eglMakeCurrent(self._display, egl.EGL_NO_SURFACE, egl.EGL_NO_SURFACE, self._context)
+                try:
+                    yield
+                finally:
+                    egl.eglMakeCurrent(*before)
+
+    def _create(self) -> tuple[Any, Any]:
+        """Return the first display that can draw, and a context on it."""
+        tried = []
+        for name, display in self._displays():
+            try:
+                return display, self._context_on(display)
+            except Exception as error:
+                tried.append(f"{name}: {_reason(error)}")
+        raise RenderingError(f"rendering: no EGL display can draw. Tried {'; '.join(tried) or 'none'}. {INSTALL}")
+
+    def _displays(self) -> Iterator[tuple[str, Any]]:
+        """Yield the displays to try: hardware first, then Mesa's without a surface, then the default one."""
+        egl = self._egl
+        extensions = (egl.eglQueryString(egl.EGL_NO_DISPLAY, egl.EGL_EXTENSIONS) or b"").decode()
+        if "EGL_EXT_platform_device" in extensions and "EGL_EXT_device_enumeration" in extensions:
+            devices = _devices(egl)
+            chosen = os.environ.get(DEVICE_VARIABLE)
+            if chosen is not None:
+                if not chosen.isdigit() or int(chosen) >= len(devices):
+                    raise RenderingError(
+                        f"{DEVICE_VARIABLE}: expected a number below {len(devices)}, received {chosen!r}; unset it to "
+                        "take the first device that works."
+                    )
+                yield f"device {chosen}", _platform_display(PLATFORM_DEVICE, devices[int(chosen)])
+                return
+            for k, device in enumerate(devices):
+                yield f"device {k}", _platform_display(PLATFORM_DEVICE, device)
+        if "EGL_MESA_platform_surfaceless" in extensions:
+            yield "surfaceless", _platform_display(PLATFORM_SURFACELESS, egl.EGL_DEFAULT_DISPLAY)
+        yield "default", egl.eglGetDisplay(egl.EGL_DEFAULT_DISPLAY)
+
+    def _context_on(self, display: Any) -> Any:
+        egl = self._egl
+        major, minor = egl.EGLint(), egl.EGLint()
+        egl.eglInitialize(display, major, minor)
+        egl.eglBindAPI(egl.EGL_OPENGL_API)
+        wanted = [egl.EGL_SURFACE_TYPE, 0, egl.EGL_RENDERABLE_TYPE, egl.EGL_OPENGL_BIT, egl.EGL_NONE]
+        config, count = (egl.EGLConfig * 1)(), egl.EGLint()
+        egl.eglChooseConfig(display, (egl.EGLint * len(wanted))(*wanted), config, 1, count)
+        if count.value == 0:
+            raise RenderingError("it has no configuration for OpenGL")
+        version = [egl.EGL_CONTEXT_MAJOR_VERSION, 3, egl.EGL_CONTEXT_MINOR_VERSION, 3]
+        profile = [egl.EGL_CONTEXT_OPENGL_PROFILE_MASK, egl.EGL_CONTEXT_OPENGL_CORE_PROFILE_BIT, egl.EGL_NONE]
+        attributes = (egl.EGLint * 7)(*version, *profile)
+        context = egl.eglCreateContext(display, config[0], egl.EGL_NO_CONTEXT, attributes)
+        if not context:
+            raise RenderingError("it has no OpenGL 3.3 core context")
+        return context
+
+
+def _load_egl() -> Any:
+    """Return PyOpenGL's EGL module."""
+    try:
+        from OpenGL import EGL
+    except Exception as error:  # PyOpenGL raises ImportError, AttributeError or TypeError where the library is missing.
+        raise RenderingError(f"rendering: libEGL cannot be used: {_reason(error)}. {INSTALL}") from error
+    return EGL
+
+
+def _devices(egl: Any) -> list[Any]:
+    """Return the EGL devices of this machine."""
+    from OpenGL.EGL.EXT.device_enumeration import eglQueryDevicesEXT
+    from OpenGL.raw.EGL._types import EGLDeviceEXT
+
+    count = egl.EGLint()
+    eglQueryDevicesEXT(0, None, count)
+    devices = (EGLDeviceEXT * count.value)()
+    eglQueryDevicesEXT(count.value, devices, count)
+    return list(devices)
+
+
+def _platform_display(platform: int, native: Any) -> Any:
+    from OpenGL.EGL.EXT.platform_base import eglGetPlatformDisplayEXT
+
+    return eglGetPlatformDisplayEXT(platform, native, None)
+
+
+@contextmanager
+def glx_released() -> Iterator[None]:
+    """Take away this thread's current GLX context (a window's) for a while: EGL makes none current beside it."""
+    try:
+        # Only if something has loaded it: otherwise there is no window.
+        glx: Any = ctypes.CDLL("libGLX.so.0", mode=os.RTLD_NOLOAD)
+    except (OSError, AttributeError):
+        yield
+        return
+    for name in ("glXGetCurrentContext", "glXGetCurrentDisplay", "glXGetCurrentDrawable", "glXGetCurrentReadDrawable"):
+        getattr(glx, name).restype = ctypes.c_void_p
+    context = glx.glXGetCurrentContext()
+    if not context:
+        yield
+        return
+    make_current = glx.glXMakeContextCurrent
+    make_current.argtypes = [ctypes.c_void_p, ctypes.c_ulong, ctypes.c_ulong, ctypes.c_void_p]
+    display = glx.glXGetCurrentDisplay()
+    surfaces = glx.glXGetCurrentDrawable() or 0, glx.glXGetCurrentReadDrawable() or 0
+    make_current(display, 0, 0, None)
+    try:
+        yield
+    finally:
+        make_current(display, *surfaces, context)
+
+
+def _reason(error: Exception) -> str:
+    return f"{type(error).__name__}: {error}".splitlines()[0]

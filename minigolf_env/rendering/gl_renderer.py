@@ -1,0 +1,211 @@
+"""Draws courses with OpenGL 3.3; owns no context and knows no window.
+
+Pictures are drawn upside down for OpenGL, so that the first row that is read is the top one.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Callable, Hashable
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+from OpenGL import GL
+
+from minigolf_env.courses import Course
+from minigolf_env.rendering import models, textures
+from minigolf_env.rendering.camera import Camera
+from minigolf_env.rendering.errors import RenderingError
+from minigolf_env.rendering.frame import Frame
+from minigolf_env.rendering.gl_course import CourseBuffers
+from minigolf_env.rendering.gl_objects import FRAME_SLOT, Lines, Mesh, Program, Target, cube_map, texture
+from minigolf_env.rendering.moving import CLOTH, SUN, Box, flag_at_rest
+from minigolf_env.rendering.scene import build_scene
+
+FloatArray = NDArray[np.float64]
+Picture = NDArray[np.uint8]
+Kept = TypeVar("Kept")
+
+SAMPLES = {"high": 4, "fast": 0}
+"""Samples a pixel of each profile, for smooth edges; 0: a single one, without."""
+
+KEPT = 8
+"""Courses, and sizes of pictures, whose buffers are kept; the least recently used are freed."""
+
+NOWHERE = np.array([0.0, 0.0, -1e3])
+"""Where a ball throws no shadow, m."""
+
+BACKGROUND = 0.62, 0.72, 0.80
+"""Of the sky, where the lawn ends."""
+
+FRAME_BLOCK = np.dtype(
+    [
+        *((name, "<f4", (4, 4)) for name in ("clip_from_world", "sun_from_world", "sky_from_world")),
+        *((name, "<f4", (4,)) for name in ("eye", "sun", "ball", "flag", "cloth", "cup", "middle", "ground")),
+    ]
+)
+"""The uniform block Frame of common.glsl (std140; matrices by columns)."""
+
+
+class Renderer:
+    """Draws into framebuffers of its own, in the context that is current when its methods are called.
+
+    Programs, courses and framebuffers are made when first used and kept (the latter two within bounds).
+    """
+
+    def __init__(self) -> None:
+        self._largest = int(GL.glGetIntegerv(GL.GL_MAX_RENDERBUFFER_SIZE))
+        self._programs: dict[str, Program] = {}
+        self._courses: OrderedDict[Course, CourseBuffers] = OrderedDict()
+        self._targets: OrderedDict[tuple[tuple[int, int], int], Target] = OrderedDict()
+        self._frame = GL.glGenBuffers(1)
+        GL.glBindBuffer(GL.GL_UNIFORM_BUFFER, self._frame)
+        GL.glBufferData(GL.GL_UNIFORM_BUFFER, FRAME_BLOCK.itemsize, None, GL.GL_DYNAMIC_DRAW)
+        felt, wood, stone = (texture(image) for image in (textures.felt(), textures.wood(), textures.stone()))
+        self._paint = {"felt": felt, "lawn": felt, "wood": wood, "stone": stone}
+        self._dimples = cube_map(textures.ball())
+        self._ball = Mesh(*models.sphere())
+        self._pole = Mesh(*models.pole())
+        self._cloth = Mesh(*models.cloth(CLOTH))
+        self._lines = Lines()
+
+    def draw(
+        self,
+        course: Course,
+        camera: Camera,
+        frame: Frame | None,
+        size: tuple[int, int],
+        profile: str,
+        part: Box | None = None,
+    ) -> Target:
+        """Draw a picture of (width, height) pixels, or a part of it, and return what it was drawn to.
+
+        Without a frame: the course with its flag, and no ball.
+        """
+        buffers = self._keep(self._courses, course, lambda: CourseBuffers(build_scene(course), self._program("depth")))
+        target = self._target(size, SAMPLES[profile])
+        part = part or Box(0, 0, *size)
+        clip = camera.clip_from_world(size[0] / size[1])
+        clip[1] = -clip[1]
+        self._fill_frame(course, buffers, clip, camera, frame)
+        self._begin(target, part)
+        self._bind(buffers)
+        for material, runs in buffers.visible(clip, _edges(part, size)):
+            self._use(material)
+            buffers.draw(runs)
+        self._use("lawn")
+        buffers.lawn.draw()
+        if course.cup is not None:
+            self._draw_flag(flag_at_rest(course) if frame is None else frame.flag)
+        if frame is not None:
+            self._use("ball", _model(frame.ball, course.ball_radius, frame.turn))
+            self._ball.draw()
+            if frame.lines:
+                GL.glUseProgram(self._program("line").name)
+                self._lines.draw(frame.lines)
+        GL.glDisable(GL.GL_SCISSOR_TEST)
+        target.resolve()
+        return target
+
+    def _begin(self, target: Target, part: Box) -> None:
+        target.bind()
+        GL.glViewport(0, 0, *target.size)
+        GL.glEnable(GL.GL_SCISSOR_TEST)
+        GL.glScissor(part.left, part.top, part.right - part.left, part.bottom - part.top)
+        GL.glEnable(GL.GL_DEPTH_TEST)
+        GL.glEnable(GL.GL_CULL_FACE)
+        GL.glFrontFace(GL.GL_CW)  # Upside down.
+        GL.glClearColor(*BACKGROUND, 1.0)
+        GL.glClear(GL.GL_COLOR_BUFFER_BIT | GL.GL_DEPTH_BUFFER_BIT)
+
+    def _bind(self, buffers: CourseBuffers) -> None:
+        """Make the textures of a course known; unit 2, for the paint of the material, stays the active one."""
+        for unit, kind, name in (
+            (0, GL.GL_TEXTURE_2D, buffers.sun.texture),
+            (1, GL.GL_TEXTURE_2D, buffers.sky.texture),
+            (3, GL.GL_TEXTURE_CUBE_MAP, self._dimples),
+        ):
+            GL.glActiveTexture(GL.GL_TEXTURE0 + unit)
+            GL.glBindTexture(kind, name)
+        GL.glActiveTexture(GL.GL_TEXTURE2)
+
+    def _use(self, material: str, model: FloatArray | None = None) -> None:
+        program = self._program(material)
+        GL.glUseProgram(program.name)
+        matrix = np.eye(4, dtype=np.float32) if model is None else model.astype(np.float32)
+        GL.glUniformMatrix4fv(program.matrix, 1, GL.GL_TRUE, matrix)
+        if material in self._paint:
+            GL.glBindTexture(GL.GL_TEXTURE_2D, self._paint[material])
+
+    def _draw_flag(self, foot: FloatArray) -> None:
+        model = _model(foot, 1.0)
+        self._use("pole", model)
+        self._pole.draw()
+        GL.glDisable(GL.GL_CULL_FACE)
+        self._use("cloth", model)
+        self._cloth.draw()
+        GL.glEnable(GL.GL_CULL_FACE)
+
+    def _fill_frame(
+        self, course: Course, buffers: CourseBuffers, clip: FloatArray, camera: Camera, frame: Frame | None
+    ) -> None:
+        block = np.zeros((), FRAME_BLOCK)
+        block["clip_from_world"] = clip.T
+        block["sun_from_world"], block["sky_from_world"] = buffers.sun.from_world.T, buffers.sky.from_world.T
+        block["eye"][:3], block["sun"][:3] = camera.eye, SUN
+        block["ball"][:3] = NOWHERE if frame is None else frame.ball
+        block["ball"][3] = course.ball_radius
+        if course.cup is not None:
+            block["flag"][:3] = flag_at_rest(course) if frame is None else frame.flag
+            block["flag"][3] = models.POLE_HEIGHT
+            block["cloth"] = *CLOTH, models.CLOTH_LENGTH, models.CLOTH_WIDTH
+            block["cup"][:3], block["cup"][3] = course.cup.position, course.cup.radius
+        lower, upper = buffers.scene.lower, buffers.scene.upper
+        block["middle"][:3] = 0.5 * (lower + upper)
+        block["ground"] = lower[2], 0.5 * np.linalg.norm(upper - lower), buffers.sun.depth, buffers.sky.depth
+        GL.glBindBuffer(GL.GL_UNIFORM_BUFFER, self._frame)
+        GL.glBufferSubData(GL.GL_UNIFORM_BUFFER, 0, block.nbytes, block)
+        GL.glBindBufferBase(GL.GL_UNIFORM_BUFFER, FRAME_SLOT, self._frame)
+
+    def _program(self, name: str) -> Program:
+        if name not in self._programs:
+            self._programs[name] = Program(name)
+        return self._programs[name]
+
+    def _target(self, size: tuple[int, int], samples: int) -> Target:
+        if max(size) > self._largest:
+            raise RenderingError(
+                f"render_size: expected at most {self._largest} pixels a side, the graphics library's limit, "
+                f"received {size}."
+            )
+        return self._keep(self._targets, (size, samples), lambda: Target(size, samples))
+
+    def _keep(self, kept: OrderedDict[Any, Kept], key: Hashable, make: Callable[[], Kept]) -> Kept:
+        """Return what is kept under a key, or make it; forget the least recently used."""
+        if key not in kept:
+            kept[key] = make()
+            if len(kept) > KEPT:
+                kept.popitem(last=False)[1].delete()  # type: ignore[attr-defined]
+        kept.move_to_end(key)
+        return kept[key]
+
+
+def renderer_name() -> str:
+    """Return what the graphics library calls itself."""
+    name = GL.glGetString(GL.GL_RENDERER)
+    return name.decode(errors="replace") if name else ""
+
+
+def _edges(part: Box, size: tuple[int, int]) -> FloatArray:
+    """Return the lower and upper edges (2, 2) of a part of a picture in x and y, -1 to 1."""
+    pixels = np.array([[part.left, part.top], [part.right, part.bottom]])
+    return np.asarray(2.0 * pixels / size - 1.0)
+
+
+def _model(place: FloatArray, size: float, turn: FloatArray | None = None) -> FloatArray:
+    """Return the matrix (4, 4) that turns, scales and places a model."""
+    model = np.eye(4)
+    model[:3, :3] = size * (np.eye(3) if turn is None else turn)
+    model[:3, 3] = place
+    return model

@@ -1,0 +1,90 @@
+"""Pictures as arrays, without a window: one context and one renderer a process, made at the first picture."""
+
+from __future__ import annotations
+
+import functools
+from collections import OrderedDict
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from minigolf_env.courses import Course
+from minigolf_env.rendering.camera import Camera
+from minigolf_env.rendering.frame import Frame
+from minigolf_env.rendering.gl_context import HeadlessContext
+from minigolf_env.rendering.moving import moving_part
+
+if TYPE_CHECKING:
+    from minigolf_env.rendering.gl_renderer import Renderer
+
+Picture = NDArray[np.uint8]
+View = tuple[Course, Camera, tuple[int, int], str]
+
+STILLS = 16
+"""Pictures of courses without a ball that are kept, for views that come again."""
+
+
+def draw(course: Course, camera: Camera, frame: Frame, size: tuple[int, int], profile: str = "high") -> Picture:
+    """Return a picture (height, width, 3).
+
+    Where a camera stands still, only the part in which something moves is drawn again: the same bits in less time.
+
+    Args:
+        course: the course.
+        camera: where it is seen from.
+        frame: the ball and what else moves.
+        size: width and height, pixels.
+        profile: "high", with smooth edges, or "fast".
+
+    Raises:
+        RenderingError: there is no OpenGL here, ``size`` is beyond its limit, or the process was forked after the
+            first picture.
+    """
+    studio = _studio()
+    with studio.context.current():
+        return studio.draw((course, camera, size, profile), frame)
+
+
+class Studio:
+    """The context and the renderer of this process, and the stills of its latest views."""
+
+    def __init__(self) -> None:
+        self.context = HeadlessContext()
+        self._renderer: Renderer | None = None
+        self._stills: OrderedDict[View, Picture | None] = OrderedDict()
+
+    def draw(self, view: View, frame: Frame) -> Picture:
+        """Return a picture; the context is current."""
+        course, camera, size, profile = view
+        if view not in self._stills:  # Perhaps the camera moves: a still would be of no use.
+            self._remember(view, None)
+            return self._open().draw(course, camera, frame, size, profile).read()
+        still = self._stills[view]
+        if still is None:
+            still = self._open().draw(course, camera, None, size, profile).read()
+        self._remember(view, still)
+        part = moving_part(course, camera, frame, size)
+        picture = still.copy()
+        if part.left < part.right and part.top < part.bottom:
+            drawn = self._open().draw(course, camera, frame, size, profile, part)
+            picture[part.top : part.bottom, part.left : part.right] = drawn.read(part)
+        return picture
+
+    def _remember(self, view: View, still: Picture | None) -> None:
+        self._stills[view] = still
+        self._stills.move_to_end(view)
+        if len(self._stills) > STILLS:
+            self._stills.popitem(last=False)
+
+    def _open(self) -> Renderer:
+        if self._renderer is None:
+            from minigolf_env.rendering.gl_renderer import Renderer
+
+            self._renderer = Renderer()
+        return self._renderer
+
+
+@functools.cache
+def _studio() -> Studio:
+    return Studio()

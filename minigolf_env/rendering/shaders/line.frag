@@ -1,0 +1,4 @@
+in vec4 shade;
+out vec4 color;
+
+void main() { color = shade; }
