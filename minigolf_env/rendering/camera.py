@@ -62,6 +62,7 @@ class Camera:
         right = right / np.linalg.norm(right)
         return np.stack([right, np.cross(right, forward), forward])
 
+    @lru_cache(maxsize=64)  # noqa: B019 (cameras are small, and 64 of them are kept)
     def clip_from_world(self, aspect: float) -> FloatArray:
         """Return OpenGL's matrix (4, 4) from points (x, y, z, 1) to clip coordinates; ``aspect`` is width / height."""
         right, up, forward = self.axes()
@@ -74,7 +75,9 @@ class Camera:
         projection[2, 2] = (FAR + NEAR) / (NEAR - FAR)
         projection[2, 3] = 2.0 * FAR * NEAR / (NEAR - FAR)
         projection[3, 2] = -1.0
-        return projection @ view
+        matrix = projection @ view
+        matrix.flags.writeable = False
+        return matrix
 
     def ray(self, x: float, y: float, aspect: float) -> tuple[FloatArray, FloatArray]:
         """Return start and unit direction (3,) of the ray through a point of the picture; x, y in [-1, 1], y up."""

@@ -6,6 +6,7 @@ This module is imported before any other of OpenGL's, because PyOpenGL chooses i
 from __future__ import annotations
 
 import ctypes
+import functools
 import os
 import sys
 import threading
@@ -152,27 +153,34 @@ def _platform_display(platform: int, native: Any) -> Any:
 @contextmanager
 def glx_released() -> Iterator[None]:
     """Take away this thread's current GLX context (a window's) for a while: EGL makes none current beside it."""
-    try:
-        # Only if something has loaded it: otherwise there is no window.
-        glx: Any = ctypes.CDLL("libGLX.so.0", mode=os.RTLD_NOLOAD)
-    except (OSError, AttributeError):
-        yield
-        return
-    for name in ("glXGetCurrentContext", "glXGetCurrentDisplay", "glXGetCurrentDrawable", "glXGetCurrentReadDrawable"):
-        getattr(glx, name).restype = ctypes.c_void_p
-    context = glx.glXGetCurrentContext()
-    if not context:
+    glx = _load_glx() if sys.platform == "linux" else None
+    context = glx.glXGetCurrentContext() if glx is not None else None
+    if glx is None or not context:
         yield
         return
     make_current = glx.glXMakeContextCurrent
-    make_current.argtypes = [ctypes.c_void_p, ctypes.c_ulong, ctypes.c_ulong, ctypes.c_void_p]
     display = glx.glXGetCurrentDisplay()
-    surfaces = glx.glXGetCurrentDrawable() or 0, glx.glXGetCurrentReadDrawable() or 0
+    surfaces = glx.glXGetCurrentDrawable(), glx.glXGetCurrentReadDrawable()
     make_current(display, 0, 0, None)
     try:
         yield
     finally:
         make_current(display, *surfaces, context)
+
+
+@functools.cache
+def _load_glx() -> Any:
+    """Return GLX's library, which PyOpenGL has loaded already, or None."""
+    try:
+        glx: Any = ctypes.CDLL("libGLX.so.0")
+    except OSError:
+        return None
+    for name in ("glXGetCurrentContext", "glXGetCurrentDisplay"):
+        getattr(glx, name).restype = ctypes.c_void_p
+    for name in ("glXGetCurrentDrawable", "glXGetCurrentReadDrawable"):
+        getattr(glx, name).restype = ctypes.c_ulong
+    glx.glXMakeContextCurrent.argtypes = [ctypes.c_void_p, ctypes.c_ulong, ctypes.c_ulong, ctypes.c_void_p]
+    return glx
 
 
 def _reason(error: Exception) -> str:

@@ -10,7 +10,7 @@ from OpenGL import GL
 
 from minigolf_env.rendering import models
 from minigolf_env.rendering.gl_objects import Mesh, Program, texture
-from minigolf_env.rendering.moving import SUN
+from minigolf_env.rendering.moving import CORNERS, SUN
 from minigolf_env.rendering.scene import Scene
 
 FloatArray = NDArray[np.float64]
@@ -50,17 +50,16 @@ class CourseBuffers:
     def __init__(self, scene: Scene, program: Program) -> None:
         self.scene = scene
         self._mesh = Mesh(scene.vertices, scene.indices)
-        self._lower = np.array([chunk.lower for chunk in scene.chunks])
-        self._upper = np.array([chunk.upper for chunk in scene.chunks])
+        boxes = np.array([[chunk.lower, chunk.upper] for chunk in scene.chunks])
+        corners = np.where(CORNERS < 0.0, boxes[:, :1], boxes[:, 1:])
+        self._corners = np.concatenate([corners, np.ones((*corners.shape[:2], 1))], axis=-1)
         self.sun = self._depth_map(program, SUN, SUN_MAP, SUN_BLUR)
         self.sky = self._depth_map(program, UP, SKY_MAP, SKY_BLUR)
         self.lawn = Mesh(*models.lawn(self._lies_on_ground(program), scene.lower, scene.upper, LAWN_REACH))
 
     def visible(self, clip: FloatArray, edges: FloatArray) -> list[tuple[str, Runs]]:
         """Return what may be seen between edges (2, 2) of a picture, by material."""
-        corners = np.stack(np.meshgrid(*[[0, 1]] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
-        boxes = np.where(corners, self._upper[:, None], self._lower[:, None])
-        at = np.concatenate([boxes, np.ones((*boxes.shape[:2], 1))], axis=-1) @ clip.T
+        at = self._corners @ clip.T
         xy, w = at[..., :2], at[..., 3:]
         outside = (xy < edges[0] * w).all(axis=1) | (xy > edges[1] * w).all(axis=1)
         runs: dict[str, Runs] = {}

@@ -36,6 +36,8 @@ KEPT = 8
 NOWHERE = np.array([0.0, 0.0, -1e3])
 """Where a ball throws no shadow, m."""
 
+UPSIDE_DOWN = np.diag([1.0, -1.0, 1.0, 1.0])
+
 BACKGROUND = 0.62, 0.72, 0.80
 """Of the sky, where the lawn ends."""
 
@@ -86,8 +88,7 @@ class Renderer:
         buffers = self._keep(self._courses, course, lambda: CourseBuffers(build_scene(course), self._program("depth")))
         target = self._target(size, SAMPLES[profile])
         part = part or Box(0, 0, *size)
-        clip = camera.clip_from_world(size[0] / size[1])
-        clip[1] = -clip[1]
+        clip = UPSIDE_DOWN @ camera.clip_from_world(size[0] / size[1])
         self._fill_frame(course, buffers, clip, camera, frame)
         self._begin(target, part)
         self._bind(buffers)

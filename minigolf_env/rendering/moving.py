@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from typing import NamedTuple
 
 import numpy as np
@@ -27,6 +28,13 @@ SOFT = 0.1
 """How much wider shadows get with the distance from what throws them, at most; a little more than in surface.frag."""
 
 
+ROUND = np.array([[-1.0], [2.0]])
+"""A part of a picture in whole pixels, with one to spare."""
+
+CORNERS = np.stack(np.meshgrid(*[[-1.0, 1.0]] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+"""Of a cube (8, 3)."""
+
+
 class Box(NamedTuple):
     """A part of a picture, in pixels from its upper left corner."""
 
@@ -49,7 +57,7 @@ def moving_part(course: Course, camera: Camera, frame: Frame, size: tuple[int, i
 
     In it are the ball with all that it takes light from, the flag with its shadow if it is lifted, and the lines.
     """
-    lowest = min(float(part.mesh.vertices[:, 2].min()) for part in course.parts)
+    lowest = _lowest(course)
     r, fall = course.ball_radius, _fall(frame.ball, lowest)
     cubes = [(frame.ball, DIMMED * r), (frame.ball - fall * SUN, 2.0 * r + SOFT * fall)]
     rest = flag_at_rest(course)
@@ -64,15 +72,19 @@ def moving_part(course: Course, camera: Camera, frame: Frame, size: tuple[int, i
             ]
     cubes += [(point, line.width) for line in frame.lines for point in line.points]
     middles, halves = np.array([cube[0] for cube in cubes]), np.array([cube[1] for cube in cubes])
-    corners = np.stack(np.meshgrid(*[[-1.0, 1.0]] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
-    points = (middles[:, None] + halves[:, None, None] * corners).reshape(-1, 3)
+    points = (middles[:, None] + halves[:, None, None] * CORNERS).reshape(-1, 3)
     at = np.append(points, np.ones((len(points), 1)), axis=1) @ camera.clip_from_world(size[0] / size[1]).T
     if at[:, 3].min() <= 0.0:
         return Box(0, 0, *size)  # Something is behind the camera: it has no place in the picture.
     x, y = at[:, 0] / at[:, 3], -at[:, 1] / at[:, 3]
     pixels = 0.5 * np.array([[x.min() + 1.0, y.min() + 1.0], [x.max() + 1.0, y.max() + 1.0]]) * size
-    (left, top), (right, bottom) = np.clip(np.floor(pixels) + [[-1], [2]], 0, size).astype(int).tolist()
+    (left, top), (right, bottom) = np.clip(np.floor(pixels) + ROUND, 0, size).astype(int).tolist()
     return Box(left, top, right, bottom)
+
+
+@functools.lru_cache(maxsize=64)
+def _lowest(course: Course) -> float:
+    return min(float(part.mesh.vertices[:, 2].min()) for part in course.parts)
 
 
 def _fall(place: FloatArray, lowest: float) -> float:
