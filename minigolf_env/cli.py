@@ -1,0 +1,94 @@
+"""The ``minigolf`` command: play a hole, or film a policy that does.
+
+Commands are imported when they run, so that ``--help`` is quick.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+from tyro.extras import SubcommandApp
+
+app = SubcommandApp()
+
+FAILED = 1
+"""Exit code of a command that could not do what it was asked; tyro exits with 2 on a wrong command line."""
+
+NO_DISPLAY = 2
+"""Exit code of a game without a screen."""
+
+
+@app.command
+def play(
+    course: str = "dogleg",
+    opponent: str | None = None,
+    size: tuple[int, int] = (960, 600),
+    profile: str = "auto",
+) -> None:
+    """Play minigolf with the mouse or the keyboard.
+
+    Args:
+        course: a hole, or "room" to throw a ball in three dimensions.
+        opponent: plays against you: "search", "random" or a model's .zip file.
+        size: of the window, pixels.
+        profile: "high", "fast" or "auto".
+    """
+    from minigolf_env.play import run
+
+    run(course, opponent=opponent, size=size, profile=profile)
+
+
+@app.command
+def video(
+    output: Annotated[Path, tyro.conf.arg(aliases=["-o"])] = Path("putt.mp4"),
+    course: str = "dogleg",
+    policy: str = "search",
+    episodes: int = 1,
+    seed: int = 0,
+    camera: str = "follow",
+    size: tuple[int, int] = (640, 480),
+    fps: int = 30,
+    profile: str = "high",
+) -> None:
+    """Film a policy that plays a hole.
+
+    Args:
+        output: the file to write, .mp4 or .gif.
+        course: the hole.
+        policy: "search", "random" or a model's .zip file.
+        episodes: how often the hole is played.
+        seed: of the environment and the random policy.
+        camera: "follow", "top", "tee" or "orbit".
+        size: width and height, pixels.
+        fps: pictures a second.
+        profile: "high" or "fast".
+    """
+    from minigolf_env.video import film
+
+    film(output, course, policy, episodes=episodes, seed=seed, camera=camera, size=size, fps=fps, profile=profile)
+
+
+def main() -> None:
+    """Run the command line; a user's mistake is one line on stderr."""
+    from minigolf_env.rendering import RenderingError
+
+    try:
+        app.cli(prog="minigolf", description="Play a hole of minigolf, or film a policy that does.")
+    except RenderingError as error:
+        sys.exit(_say(error, NO_DISPLAY))
+    except (ValueError, OSError, ImportError) as error:
+        sys.exit(_say(error, FAILED))
+    except KeyboardInterrupt:
+        sys.exit(130)
+
+
+def _say(error: Exception, code: int) -> int:
+    print(f"minigolf: {error}", file=sys.stderr)
+    return code
+
+
+if __name__ == "__main__":
+    main()
