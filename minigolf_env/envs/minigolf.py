@@ -10,11 +10,11 @@ from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
 from minigolf_env.courses import Course
-from minigolf_env.envs.options import check_actions, check_lie, check_rendering, make_task
-from minigolf_env.envs.task import FloatArray, Outcome, Result, action_space, observation_space
+from minigolf_env.envs.options import check_actions, check_lie, check_rendering, make_observer, make_task
+from minigolf_env.envs.task import FloatArray, Outcome, Result, action_space
 from minigolf_env.rendering import FPS, RENDER_MODES, Screen
 
-Observation = NDArray[np.float32]
+Observation = NDArray[Any]
 Action = NDArray[np.float32]
 
 
@@ -36,6 +36,9 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
     | 6, 7 | horizontal direction to the cup, as long as number 8: a straight putt is a multiple of it | as number 8 |
     | 8 | square root of the horizontal distance to the cup, which the speed it takes goes with | 1 is the diagonal |
     | 9 | strokes left | 1 at the tee, 0 after the last |
+
+    With ``observation="pixels"`` it is ``Box(0, 255, (84, 84, 3), uint8)``: the course from above, x to the right and y
+    up, the ball drawn large enough to be seen; the white share of the lowest two rows is the share of strokes left.
 
     ## Reward
     "strokes": -1 a stroke, so that the return is minus the score. "shaped": the same plus the change of a potential,
@@ -66,7 +69,7 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
     camera: "follow" (from behind the ball), "top", "tee" (from behind the tee), "orbit" (turning around the course).
     render_profile: "high", with smooth edges; "fast"; or "auto": "high", but "fast" in a window drawn without a GPU.
     reward: "shaped" or "strokes".
-    observation: "state".
+    observation: "state" or "pixels".
     max_strokes: strokes after which an episode ends, at least 1.
     tee: "random" or "fixed".
     top_speed: launch speed of a full putt, m/s; None: the course's.
@@ -94,14 +97,16 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
         render_size: tuple[int, int] = (640, 480),
         camera: str = "follow",
         render_profile: str = "auto",
+        observation: str = "state",
         **options: Any,
     ) -> None:
         settings = check_rendering(render_mode, RENDER_MODES, render_size, camera, render_profile)
         self.render_mode = render_mode
         self.task = make_task(course, **options)
         self.screen = Screen(self.task.course, settings, self.task.trace)
+        self._observer = make_observer(observation)
         self.action_space = action_space()
-        self.observation_space = observation_space()
+        self.observation_space = self._observer.space()
         self._position: FloatArray | None = None
         self._strokes = 0
         self._over = False
@@ -192,7 +197,8 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
         return self._position
 
     def _observe(self) -> Observation:
-        return self.task.observe(self._ball(), np.array(self._strokes))
+        observed: Observation = self._observer.observe(self.task, self._ball()[None], np.array([self._strokes]))[0]
+        return observed
 
     def _info(self, status: str, time: float, bounces: int, *, holed: bool) -> dict[str, Any]:
         return {

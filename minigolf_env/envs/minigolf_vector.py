@@ -12,11 +12,11 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
 from minigolf_env.courses import Course
-from minigolf_env.envs.options import check_actions, check_rendering, make_task
-from minigolf_env.envs.task import FloatArray, Result, action_space, observation_space
+from minigolf_env.envs.options import check_actions, check_rendering, make_observer, make_task
+from minigolf_env.envs.task import FloatArray, Result, action_space
 from minigolf_env.rendering import FPS, Screen
 
-Observations = NDArray[np.float32]
+Observations = NDArray[Any]
 Actions = NDArray[np.float32]
 Flags = NDArray[np.bool_]
 
@@ -31,7 +31,7 @@ class MiniGolfVectorEnv(gym.vector.VectorEnv[Observations, Actions, NDArray[Any]
         num_envs: N >= 1.
         course: as for MiniGolfEnv.
         render_mode: None; "rgb_array": ``render()`` returns a tuple of N pictures; "rgb_array_list": N lists of them.
-        render_size, camera, render_profile: as for MiniGolfEnv.
+        render_size, camera, render_profile, observation: as for MiniGolfEnv.
         autoreset_mode: "NextStep" (the step after an episode's last resets it and ignores the action), "SameStep" (the
             last step resets at once; the end is in info's "final_obs" and "final_info") or "Disabled" (call
             ``reset(options={"reset_mask": mask})``).
@@ -55,6 +55,7 @@ class MiniGolfVectorEnv(gym.vector.VectorEnv[Observations, Actions, NDArray[Any]
         render_size: tuple[int, int] = (640, 480),
         camera: str = "follow",
         render_profile: str = "auto",
+        observation: str = "state",
         *,
         autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
         **options: Any,
@@ -69,7 +70,8 @@ class MiniGolfVectorEnv(gym.vector.VectorEnv[Observations, Actions, NDArray[Any]
         self.task = make_task(course, **options)
         shown = num_envs if render_mode is not None else 0
         self._screens = tuple(Screen(self.task.course, settings, self.task.trace) for _ in range(shown))
-        self.single_action_space, self.single_observation_space = action_space(), observation_space()
+        self._observer = make_observer(observation)
+        self.single_action_space, self.single_observation_space = action_space(), self._observer.space()
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self._rngs: list[np.random.Generator] = []
@@ -171,7 +173,7 @@ class MiniGolfVectorEnv(gym.vector.VectorEnv[Observations, Actions, NDArray[Any]
         self._strokes[mask], self._over[mask] = 0, False
 
     def _observe(self) -> Observations:
-        return self.task.observe(self._positions, self._strokes)
+        return self._observer.observe(self.task, self._positions, self._strokes)
 
     def _info(self, status: NDArray[np.object_], time: FloatArray, bounces: NDArray[np.int64]) -> dict[str, Any]:
         """Return the infos as arrays (N,), each with its mask, as Gymnasium's vector environments have it."""

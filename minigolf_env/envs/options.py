@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from minigolf_env.courses import Course, load_course
+from minigolf_env.envs.observations import OBSERVERS, Observer
 from minigolf_env.envs.task import REWARDS, FloatArray, Task
 from minigolf_env.physics import World
 from minigolf_env.physics.checks import finite_array, one_of, positive_number
 from minigolf_env.rendering import CAMERAS, PROFILES, Settings
 
-OBSERVATIONS = ("state",)
 TEES = ("random", "fixed")
 
 NOISE = "give the standard deviations of direction (degrees) and speed (share of it)."
@@ -26,7 +26,6 @@ def make_task(
     course: str | Course = "dogleg",
     *,
     reward: str = "shaped",
-    observation: str = "state",
     max_strokes: int = 10,
     tee: str = "random",
     top_speed: float | None = None,
@@ -40,7 +39,6 @@ def make_task(
     Raises:
         ValueError: an argument is not what it should be.
     """
-    one_of(observation, OBSERVATIONS, "observation")
     golf = load_course(course, cup_radius=cup_radius)
     if golf.cup is None:
         raise ValueError(
@@ -76,6 +74,11 @@ def check_lie(task: Task, position: ArrayLike) -> FloatArray:
             f"received {ball.tolist()}; the ball would be out of bounds."
         )
     return ball
+
+
+def make_observer(observation: str) -> Observer:
+    """Return how an environment observes, or raise a ValueError."""
+    return OBSERVERS[one_of(observation, tuple(OBSERVERS), "observation")]
 
 
 def check_rendering(

@@ -3,6 +3,8 @@
 from minigolf_env.rendering.camera import CAMERAS, Camera
 from minigolf_env.rendering.errors import RenderingError
 from minigolf_env.rendering.frame import Frame, Line
+from minigolf_env.rendering.moving import flag_at_rest
+from minigolf_env.rendering.playback import still
 from minigolf_env.rendering.screen import FPS, PROFILES, RENDER_MODES, Screen, Settings
 
 __all__ = [
@@ -16,4 +18,6 @@ __all__ = [
     "RenderingError",
     "Screen",
     "Settings",
+    "flag_at_rest",
+    "still",
 ]

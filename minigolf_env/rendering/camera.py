@@ -79,6 +79,10 @@ class Camera:
         matrix.flags.writeable = False
         return matrix
 
+    def pixels_a_metre(self, distance: float, height: int) -> float:
+        """Return how large a metre is at a distance (m) in a picture of a height (pixels)."""
+        return height / (2.0 * math.tan(math.radians(self.fov) / 2.0) * max(distance, NEAR))
+
     def ray(self, x: float, y: float, aspect: float) -> tuple[FloatArray, FloatArray]:
         """Return start and unit direction (3,) of the ray through a point of the picture; x, y in [-1, 1], y up."""
         right, up, forward = self.axes()

@@ -48,3 +48,5 @@ class Frame(NamedTuple):
     flag: FloatArray
     """(3,) the foot of the flag's pole, m; above the cup's bottom while it is lifted."""
     lines: tuple[Line, ...] = ()
+    size: float = 1.0
+    """How much larger than it is the ball is drawn."""

@@ -59,12 +59,9 @@ class CourseBuffers:
 
     def visible(self, clip: FloatArray, edges: FloatArray) -> list[tuple[str, Runs]]:
         """Return what may be seen between edges (2, 2) of a picture, by material."""
-        at = self._corners @ clip.T
-        xy, w = at[..., :2], at[..., 3:]
-        outside = (xy < edges[0] * w).all(axis=1) | (xy > edges[1] * w).all(axis=1)
         runs: dict[str, Runs] = {}
-        for chunk, hidden in zip(self.scene.chunks, outside.any(axis=1).tolist(), strict=True):
-            if not hidden:
+        for chunk, seen in zip(self.scene.chunks, in_sight(self._corners, clip, edges).tolist(), strict=True):
+            if seen:
                 known = runs.setdefault(chunk.material, [])
                 if known and sum(known[-1]) == chunk.start:
                     known[-1] = (known[-1][0], known[-1][1] + chunk.size)
@@ -115,6 +112,14 @@ class CourseBuffers:
         return np.asarray(lies.all(axis=(1, 3)))
 
 
+def in_sight(corners: FloatArray, clip: FloatArray, edges: FloatArray) -> NDArray[np.bool_]:
+    """Return for boxes with corners (N, 8, 4) whether they may be seen between edges (2, 2) of a picture."""
+    at = corners @ clip.T
+    xy, w = at[..., :2], at[..., 3:]
+    outside = (xy < edges[0] * w).all(axis=1) | (xy > edges[1] * w).all(axis=1)
+    return np.asarray(~outside.any(axis=1))
+
+
 def _depths(mesh: Mesh, program: Program, clip: FloatArray, size: int, both_sides: bool = False) -> FloatArray:
     """Return the depths (size, size), 0 to 1, of a mesh's faces towards the eye, or of all; 1 where there is none."""
     before = GL.glGetIntegerv(GL.GL_DRAW_FRAMEBUFFER_BINDING)
@@ -131,7 +136,7 @@ def _depths(mesh: Mesh, program: Program, clip: FloatArray, size: int, both_side
     GL.glFrontFace(GL.GL_CCW)
     GL.glClear(GL.GL_DEPTH_BUFFER_BIT)
     GL.glUseProgram(program.name)
-    GL.glUniformMatrix4fv(program.matrix, 1, GL.GL_TRUE, clip.astype(np.float32))
+    program.place(clip)
     mesh.draw()
     depths = np.empty((size, size), np.float32)
     GL.glReadPixels(0, 0, size, size, GL.GL_DEPTH_COMPONENT, GL.GL_FLOAT, depths)

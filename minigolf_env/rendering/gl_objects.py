@@ -52,9 +52,14 @@ class Program:
         block = GL.glGetUniformBlockIndex(self.name, "Frame")
         if block != GL.GL_INVALID_INDEX:
             GL.glUniformBlockBinding(self.name, block, FRAME_SLOT)
-        self.matrix = GL.glGetUniformLocation(self.name, "clip_from_place" if name == "depth" else "model")
+        self._model = GL.glGetUniformLocation(self.name, "model")
+        self.place(np.eye(4))
         for unit, sampler in enumerate(("sun_map", "sky_map", "detail", "dimples")):
             GL.glUniform1i(GL.glGetUniformLocation(self.name, sampler), unit)
+
+    def place(self, model: NDArray[np.float64]) -> None:
+        """Put what it draws from now on where a matrix (4, 4) says; the program is in use."""
+        GL.glUniformMatrix4fv(self._model, 1, GL.GL_TRUE, model.astype(np.float32))
 
 
 def _source(name: str) -> str:

@@ -18,9 +18,9 @@ from minigolf_env.rendering import models, textures
 from minigolf_env.rendering.camera import Camera
 from minigolf_env.rendering.errors import RenderingError
 from minigolf_env.rendering.frame import Frame
-from minigolf_env.rendering.gl_course import CourseBuffers
+from minigolf_env.rendering.gl_course import CourseBuffers, in_sight
 from minigolf_env.rendering.gl_objects import FRAME_SLOT, Lines, Mesh, Program, Target, cube_map, texture
-from minigolf_env.rendering.moving import CLOTH, SUN, Box, flag_at_rest
+from minigolf_env.rendering.moving import CLOTH, CORNERS, SUN, Box, flag_at_rest
 from minigolf_env.rendering.scene import build_scene
 
 FloatArray = NDArray[np.float64]
@@ -32,6 +32,9 @@ SAMPLES = {"high": 4, "fast": 0}
 
 KEPT = 8
 """Courses, and sizes of pictures, whose buffers are kept; the least recently used are freed."""
+
+SMALL = 4.0
+"""Radius below which the ball is drawn with fewer triangles, pixels."""
 
 NOWHERE = np.array([0.0, 0.0, -1e3])
 """Where a ball throws no shadow, m."""
@@ -67,7 +70,7 @@ class Renderer:
         felt, wood, stone = (texture(image) for image in (textures.felt(), textures.wood(), textures.stone()))
         self._paint = {"felt": felt, "lawn": felt, "wood": wood, "stone": stone}
         self._dimples = cube_map(textures.ball())
-        self._ball = Mesh(*models.sphere())
+        self._ball, self._small_ball = Mesh(*models.sphere(16, 32)), Mesh(*models.sphere(6, 12))
         self._pole = Mesh(*models.pole())
         self._cloth = Mesh(*models.cloth(CLOTH))
         self._lines = Lines()
@@ -92,16 +95,20 @@ class Renderer:
         self._fill_frame(course, buffers, clip, camera, frame)
         self._begin(target, part)
         self._bind(buffers)
-        for material, runs in buffers.visible(clip, _edges(part, size)):
+        edges = _edges(part, size)
+        for material, runs in buffers.visible(clip, edges):
             self._use(material)
             buffers.draw(runs)
         self._use("lawn")
         buffers.lawn.draw()
-        if course.cup is not None:
-            self._draw_flag(flag_at_rest(course) if frame is None else frame.flag)
+        foot = flag_at_rest(course) if frame is None else frame.flag
+        if course.cup is not None and in_sight(_flag_corners(foot), clip, edges):
+            self._draw_flag(foot)
         if frame is not None:
-            self._use("ball", _model(frame.ball, course.ball_radius, frame.turn))
-            self._ball.draw()
+            self._use("ball", _model(frame.ball, frame.size * course.ball_radius, frame.turn))
+            w = float(clip[3] @ np.append(frame.ball, 1.0))
+            small = frame.size * course.ball_radius * camera.pixels_a_metre(w, size[1]) < SMALL
+            (self._small_ball if small else self._ball).draw()
             if frame.lines:
                 GL.glUseProgram(self._program("line").name)
                 self._lines.draw(frame.lines)
@@ -134,8 +141,8 @@ class Renderer:
     def _use(self, material: str, model: FloatArray | None = None) -> None:
         program = self._program(material)
         GL.glUseProgram(program.name)
-        matrix = np.eye(4, dtype=np.float32) if model is None else model.astype(np.float32)
-        GL.glUniformMatrix4fv(program.matrix, 1, GL.GL_TRUE, matrix)
+        if model is not None:
+            program.place(model)
         if material in self._paint:
             GL.glBindTexture(GL.GL_TEXTURE_2D, self._paint[material])
 
@@ -156,7 +163,7 @@ class Renderer:
         block["sun_from_world"], block["sky_from_world"] = buffers.sun.from_world.T, buffers.sky.from_world.T
         block["eye"][:3], block["sun"][:3] = camera.eye, SUN
         block["ball"][:3] = NOWHERE if frame is None else frame.ball
-        block["ball"][3] = course.ball_radius
+        block["ball"][3] = course.ball_radius * (1.0 if frame is None else frame.size)
         if course.cup is not None:
             block["flag"][:3] = flag_at_rest(course) if frame is None else frame.flag
             block["flag"][3] = models.POLE_HEIGHT
@@ -202,6 +209,13 @@ def _edges(part: Box, size: tuple[int, int]) -> FloatArray:
     """Return the lower and upper edges (2, 2) of a part of a picture in x and y, -1 to 1."""
     pixels = np.array([[part.left, part.top], [part.right, part.bottom]])
     return np.asarray(2.0 * pixels / size - 1.0)
+
+
+def _flag_corners(foot: FloatArray) -> FloatArray:
+    """Return the corners (1, 8, 4) of a box around the flag."""
+    half = np.array([models.CLOTH_LENGTH, models.CLOTH_LENGTH, 0.5 * models.POLE_HEIGHT])
+    corners = foot + np.array([0.0, 0.0, half[2]]) + half * CORNERS
+    return np.asarray(np.append(corners, np.ones((8, 1)), axis=1)[None])
 
 
 def _model(place: FloatArray, size: float, turn: FloatArray | None = None) -> FloatArray:

@@ -22,7 +22,7 @@ CLOTH_LENGTH, CLOTH_WIDTH = 0.26, 0.17
 """Of the pennant, m."""
 
 
-def sphere(rings: int = 16, sides: int = 32) -> Mesh:
+def sphere(rings: int, sides: int) -> Mesh:
     """Return the unit sphere."""
     polar, turn = np.linspace(0.0, np.pi, rings + 1), np.linspace(0.0, 2.0 * np.pi, sides + 1)
     p, t = np.meshgrid(polar, turn, indexing="ij")

@@ -21,7 +21,7 @@ SUN = np.array([-0.46, -0.38, 0.80]) / np.linalg.norm([-0.46, -0.38, 0.80])
 CLOTH = np.array([-SUN[1], SUN[0]]) / np.hypot(SUN[0], SUN[1])
 """Unit vector (2,) along the flag's cloth: across the sun's way, so that it throws a shadow."""
 
-DIMMED = 6.0
+DIMMED = 4.0
 """How far around itself the ball takes light away, in radii; surface.frag knows it too."""
 
 SOFT = 0.1
@@ -58,7 +58,7 @@ def moving_part(course: Course, camera: Camera, frame: Frame, size: tuple[int, i
     In it are the ball with all that it takes light from, the flag with its shadow if it is lifted, and the lines.
     """
     lowest = _lowest(course)
-    r, fall = course.ball_radius, _fall(frame.ball, lowest)
+    r, fall = frame.size * course.ball_radius, _fall(frame.ball, lowest)
     cubes = [(frame.ball, DIMMED * r), (frame.ball - fall * SUN, 2.0 * r + SOFT * fall)]
     rest = flag_at_rest(course)
     if not np.array_equal(frame.flag, rest):

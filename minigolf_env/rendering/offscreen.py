@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections import OrderedDict
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -41,9 +42,16 @@ def draw(course: Course, camera: Camera, frame: Frame, size: tuple[int, int], pr
         RenderingError: there is no OpenGL here, ``size`` is beyond its limit, or the process was forked after the
             first picture.
     """
+    return draw_many(course, camera, [frame], size, profile)[0]
+
+
+def draw_many(
+    course: Course, camera: Camera, frames: Iterable[Frame], size: tuple[int, int], profile: str = "high"
+) -> list[Picture]:
+    """Return a picture of each frame, as ``draw`` does, in a little less time."""
     studio = _studio()
     with studio.context.current():
-        return studio.draw((course, camera, size, profile), frame)
+        return [studio.draw((course, camera, size, profile), frame) for frame in frames]
 
 
 class Studio:

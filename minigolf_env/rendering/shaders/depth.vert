@@ -1,4 +1,4 @@
-uniform mat4 clip_from_place;
+uniform mat4 model;  // straight to clip coordinates
 layout(location = 0) in vec3 position;
 
-void main() { gl_Position = clip_from_place * vec4(position, 1.0); }
+void main() { gl_Position = model * vec4(position, 1.0); }

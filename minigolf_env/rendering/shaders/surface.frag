@@ -109,8 +109,8 @@ void main() {
     direct *= past_ball(place);
     vec3 way = ball.xyz - place;
     float near = dot(way, way);
-    // Ends at six radii: moving.py counts on it.
-    float cover = clamp(ball.w * ball.w / near - 1.0 / 36.0, 0.0, 1.0) * clamp(dot(n, way) * inversesqrt(near), 0.0, 1.0);
+    // Ends at four radii: moving.py counts on it.
+    float cover = clamp(ball.w * ball.w / near - 1.0 / 16.0, 0.0, 1.0) * clamp(dot(n, way) * inversesqrt(near), 0.0, 1.0);
     open = 1.0 - 0.85 * cover;
 #elif MATERIAL == BALL
     open = 0.55 + 0.45 * smoothstep(-1.0, 0.6, n.z);

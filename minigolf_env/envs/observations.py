@@ -1,0 +1,25 @@
+"""What an agent sees, by name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from gymnasium.spaces import Space
+from numpy.typing import NDArray
+
+from minigolf_env.envs.pixels import observe_pixels, pixel_space
+from minigolf_env.envs.task import FloatArray, Task, observation_space
+
+
+class Observer(NamedTuple):
+    """One kind of observation."""
+
+    space: Callable[[], Space[Any]]
+    """Makes the space of one environment's observations."""
+    observe: Callable[[Task, FloatArray, NDArray[np.int64]], NDArray[Any]]
+    """From balls at positions (N, 3), m, after a number of strokes (N,) to N observations, in a new array."""
+
+
+OBSERVERS = {"state": Observer(observation_space, Task.observe), "pixels": Observer(pixel_space, observe_pixels)}

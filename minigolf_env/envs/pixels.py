@@ -1,0 +1,48 @@
+"""The observation "pixels": the course from above, drawn by the renderer."""
+
+from __future__ import annotations
+
+from typing import cast
+
+import numpy as np
+from gymnasium import Space
+from gymnasium.spaces import Box
+from numpy.typing import NDArray
+
+from minigolf_env.envs.task import FloatArray, Task
+from minigolf_env.rendering import flag_at_rest, still
+
+SIDE = 84
+"""Pixels a side, as deep Q-networks have it."""
+
+LEAST = 2.5
+"""The ball's radius in the picture is at least this, pixels: in its true size it would be less than one."""
+
+BAR = 2
+"""Rows at the bottom, pixels: their white part is the share of the strokes that is left."""
+
+PROFILE = "fast"
+
+
+def pixel_space() -> Space[NDArray[np.uint8]]:
+    """Return the space of "pixels" observations (SIDE, SIDE, 3)."""
+    return cast(Space[NDArray[np.uint8]], Box(0, 255, (SIDE, SIDE, 3), np.uint8))
+
+
+def observe_pixels(task: Task, positions: FloatArray, strokes: NDArray[np.int64]) -> NDArray[np.uint8]:
+    """Return pictures (N, SIDE, SIDE, 3) of balls at positions (N, 3), m, after a number of strokes (N,).
+
+    Raises:
+        RenderingError: there is no OpenGL here.
+    """
+    from minigolf_env.rendering.offscreen import draw_many
+
+    course = task.course
+    camera, frame = still(course, "top", 1.0, positions[0])
+    metre = camera.pixels_a_metre(camera.eye[2] - course.tee.height, SIDE)
+    frame = frame._replace(size=max(1.0, LEAST / (metre * course.ball_radius)))
+    frames = [frame._replace(ball=ball, flag=flag_at_rest(course)) for ball in positions]
+    left = 1.0 - strokes / task.max_strokes
+    pictures = np.stack(draw_many(course, camera, frames, (SIDE, SIDE), PROFILE))
+    pictures[:, -BAR:] = np.where(np.arange(SIDE) < SIDE * left[:, None], 255, 0)[:, None, :, None]
+    return pictures
