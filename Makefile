@@ -22,10 +22,11 @@ train: $(INSTALLED) ## train the PPO sample agent
 test: $(INSTALLED) ## run the tests
 	$(BIN)/python -m pytest -n $(WORKERS) $(ARGS)
 
-bench: $(INSTALLED) ## measure speed and exactness beside other engines
+bench: $(INSTALLED) ## measure speed, exactness and pictures beside other engines
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --requirement benchmarks/requirements.txt
 	$(BIN)/python -m benchmarks.speed
 	$(BIN)/python -m benchmarks.exactness
+	$(BIN)/python -m benchmarks.rendering
 
 soak: $(INSTALLED) ## look at every one of 10^8 steps in random rooms (minutes)
 	$(BIN)/python -m tests.soak $(ARGS)

@@ -10,7 +10,7 @@ from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
 from minigolf_env.courses import Course
-from minigolf_env.envs.options import check_actions, check_lie, check_rendering, make_observer, make_task
+from minigolf_env.envs.options import check_actions, check_lie, make_setup
 from minigolf_env.envs.task import FloatArray, Outcome, Result, action_space
 from minigolf_env.rendering import FPS, RENDER_MODES, Screen
 
@@ -68,6 +68,7 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
     render_size: width and height of the pictures or the window, pixels.
     camera: "follow" (from behind the ball), "top", "tee" (from behind the tee), "orbit" (turning around the course).
     render_profile: "high", with smooth edges; "fast"; or "auto": "high", but "fast" in a window drawn without a GPU.
+    render_speed: how much faster than real time the window shows a putt.
     reward: "shaped" or "strokes".
     observation: "state" or "pixels".
     max_strokes: strokes after which an episode ends, at least 1.
@@ -94,17 +95,11 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
         self,
         course: str | Course = "dogleg",
         render_mode: str | None = None,
-        render_size: tuple[int, int] = (640, 480),
-        camera: str = "follow",
-        render_profile: str = "auto",
-        observation: str = "state",
         **options: Any,
     ) -> None:
-        settings = check_rendering(render_mode, RENDER_MODES, render_size, camera, render_profile)
+        self.task, self._observer, settings = make_setup(course, RENDER_MODES, render_mode, **options)
         self.render_mode = render_mode
-        self.task = make_task(course, **options)
         self.screen = Screen(self.task.course, settings, self.task.trace)
-        self._observer = make_observer(observation)
         self.action_space = action_space()
         self.observation_space = self._observer.space()
         self._position: FloatArray | None = None

@@ -12,7 +12,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
 from minigolf_env.courses import Course
-from minigolf_env.envs.options import check_actions, check_rendering, make_observer, make_task
+from minigolf_env.envs.options import check_actions, make_setup
 from minigolf_env.envs.task import FloatArray, Result, action_space
 from minigolf_env.rendering import FPS, Screen
 
@@ -31,7 +31,6 @@ class MiniGolfVectorEnv(gym.vector.VectorEnv[Observations, Actions, NDArray[Any]
         num_envs: N >= 1.
         course: as for MiniGolfEnv.
         render_mode: None; "rgb_array": ``render()`` returns a tuple of N pictures; "rgb_array_list": N lists of them.
-        render_size, camera, render_profile, observation: as for MiniGolfEnv.
         autoreset_mode: "NextStep" (the step after an episode's last resets it and ignores the action), "SameStep" (the
             last step resets at once; the end is in info's "final_obs" and "final_info") or "Disabled" (call
             ``reset(options={"reset_mask": mask})``).
@@ -52,25 +51,19 @@ class MiniGolfVectorEnv(gym.vector.VectorEnv[Observations, Actions, NDArray[Any]
         num_envs: int = 1,
         course: str | Course = "dogleg",
         render_mode: str | None = None,
-        render_size: tuple[int, int] = (640, 480),
-        camera: str = "follow",
-        render_profile: str = "auto",
-        observation: str = "state",
         *,
         autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
         **options: Any,
     ) -> None:
         if type(num_envs) is not int or num_envs < 1:
             raise ValueError(f"num_envs: expected an integer >= 1, received {num_envs!r}.")
-        settings = check_rendering(render_mode, self.metadata["render_modes"], render_size, camera, render_profile)
+        self.task, self._observer, settings = make_setup(course, self.metadata["render_modes"], render_mode, **options)
         self.render_mode = render_mode
         self.num_envs = num_envs
         self.autoreset_mode = _autoreset(autoreset_mode)
         self.metadata = {**self.metadata, "autoreset_mode": self.autoreset_mode}
-        self.task = make_task(course, **options)
         shown = num_envs if render_mode is not None else 0
         self._screens = tuple(Screen(self.task.course, settings, self.task.trace) for _ in range(shown))
-        self._observer = make_observer(observation)
         self.single_action_space, self.single_observation_space = action_space(), self._observer.space()
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import operator
 from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -22,6 +23,46 @@ NOISE = "give the standard deviations of direction (degrees) and speed (share of
 PUTT = "a putt is a vector x, y; its length, up to 1, is the share of the top speed."
 
 
+class Setup(NamedTuple):
+    """What an environment's arguments describe."""
+
+    task: Task
+    observer: Observer
+    settings: Settings
+    """How it shows itself."""
+
+
+def make_setup(
+    course: str | Course,
+    render_modes: Sequence[str],
+    render_mode: str | None,
+    *,
+    observation: str = "state",
+    render_size: tuple[int, int] = (640, 480),
+    camera: str = "follow",
+    render_profile: str = "auto",
+    render_speed: float = 1.0,
+    **rules: Any,
+) -> Setup:
+    """Return what an environment's arguments describe; MiniGolfEnv's docstring says what they mean.
+
+    Raises:
+        TypeError: there is no such argument.
+        ValueError: an argument is not what it should be.
+    """
+    if render_mode is not None:
+        one_of(render_mode, render_modes, "render_mode")
+    settings = Settings(
+        mode=render_mode,
+        size=_size(render_size),
+        camera=one_of(camera, CAMERAS, "camera"),
+        profile=one_of(render_profile, PROFILES, "render_profile"),
+        speed=positive_number(render_speed, "render_speed", "1 is real time."),
+    )
+    observer = OBSERVERS[one_of(observation, tuple(OBSERVERS), "observation")]
+    return Setup(make_task(course, **rules), observer, settings)
+
+
 def make_task(
     course: str | Course = "dogleg",
     *,
@@ -34,7 +75,7 @@ def make_task(
     dt: float = 1 / 120,
     impact: str = "average",
 ) -> Task:
-    """Return the task that an environment's arguments describe; MiniGolfEnv's docstring says what they mean.
+    """Return the course and the rules that an environment's arguments describe.
 
     Raises:
         ValueError: an argument is not what it should be.
@@ -76,29 +117,14 @@ def check_lie(task: Task, position: ArrayLike) -> FloatArray:
     return ball
 
 
-def make_observer(observation: str) -> Observer:
-    """Return how an environment observes, or raise a ValueError."""
-    return OBSERVERS[one_of(observation, tuple(OBSERVERS), "observation")]
-
-
-def check_rendering(
-    render_mode: str | None, modes: Sequence[str], render_size: tuple[int, int], camera: str, render_profile: str
-) -> Settings:
-    """Return how an environment that has some render modes is to show itself, or raise a ValueError."""
-    if render_mode is not None:
-        one_of(render_mode, modes, "render_mode")
+def _size(size: tuple[int, int]) -> tuple[int, int]:
     try:
-        width, height = (operator.index(side) for side in render_size)
+        width, height = (operator.index(side) for side in size)
     except (TypeError, ValueError):
         width = height = 0
     if width < 1 or height < 1:
-        raise ValueError(f"render_size: expected width and height in pixels, at least 1, received {render_size!r}.")
-    return Settings(
-        mode=render_mode,
-        size=(width, height),
-        camera=one_of(camera, CAMERAS, "camera"),
-        profile=one_of(render_profile, PROFILES, "render_profile"),
-    )
+        raise ValueError(f"render_size: expected width and height in pixels, at least 1, received {size!r}.")
+    return width, height
 
 
 def _noise(value: tuple[float, float]) -> tuple[float, float]:

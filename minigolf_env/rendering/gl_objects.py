@@ -37,7 +37,7 @@ class Program:
         self.name = GL.glCreateProgram()
         for kind, ending in ((GL.GL_VERTEX_SHADER, "vert"), (GL.GL_FRAGMENT_SHADER, "frag")):
             shader = GL.glCreateShader(kind)
-            GL.glShaderSource(shader, _source("common.glsl") + defines + _source(f"{stem}.{ending}"))
+            GL.glShaderSource(shader, source("common.glsl") + defines + source(f"{stem}.{ending}"))
             GL.glCompileShader(shader)
             if not GL.glGetShaderiv(shader, GL.GL_COMPILE_STATUS):
                 log = GL.glGetShaderInfoLog(shader).decode(errors="replace")
@@ -62,7 +62,8 @@ class Program:
         GL.glUniformMatrix4fv(self._model, 1, GL.GL_TRUE, model.astype(np.float32))
 
 
-def _source(name: str) -> str:
+def source(name: str) -> str:
+    """Return the text of a shader."""
     return (files("minigolf_env.rendering") / "shaders" / name).read_text(encoding="utf-8")
 
 

@@ -79,8 +79,8 @@ def lawn(covered: NDArray[np.bool_], lower: FloatArray, upper: FloatArray, reach
     vertices["normal"] = 0.0, 0.0, 1.0
     firsts = np.cumsum([0] + [len(points) for points, _ in pieces[:-1]])
     faces = np.concatenate([faces + first for (_, faces), first in zip(pieces, firsts, strict=True)])
-    a, b, c = np.moveaxis(vertices["position"][faces][..., :2].astype(np.float64), 1, 0)
-    clockwise = np.cross(b - a, c - a) < 0.0
+    a, b, c = np.moveaxis(vertices["position"][faces].astype(np.float64), 1, 0)
+    clockwise = np.cross(b - a, c - a)[:, 2] < 0.0
     faces[clockwise] = faces[clockwise][:, ::-1]
     return vertices, faces.astype(np.uint32).reshape(-1)
 

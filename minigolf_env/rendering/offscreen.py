@@ -49,9 +49,8 @@ def draw_many(
     course: Course, camera: Camera, frames: Iterable[Frame], size: tuple[int, int], profile: str = "high"
 ) -> list[Picture]:
     """Return a picture of each frame, as ``draw`` does, in a little less time."""
-    studio = _studio()
-    with studio.context.current():
-        return [studio.draw((course, camera, size, profile), frame) for frame in frames]
+    with studio().context.current():
+        return [studio().draw((course, camera, size, profile), frame) for frame in frames]
 
 
 class Studio:
@@ -67,15 +66,15 @@ class Studio:
         course, camera, size, profile = view
         if view not in self._stills:  # Perhaps the camera moves: a still would be of no use.
             self._remember(view, None)
-            return self._open().draw(course, camera, frame, size, profile).read()
+            return self.renderer().draw(course, camera, frame, size, profile).read()
         still = self._stills[view]
         if still is None:
-            still = self._open().draw(course, camera, None, size, profile).read()
+            still = self.renderer().draw(course, camera, None, size, profile).read()
         self._remember(view, still)
         part = moving_part(course, camera, frame, size)
         picture = still.copy()
         if part.left < part.right and part.top < part.bottom:
-            drawn = self._open().draw(course, camera, frame, size, profile, part)
+            drawn = self.renderer().draw(course, camera, frame, size, profile, part)
             picture[part.top : part.bottom, part.left : part.right] = drawn.read(part)
         return picture
 
@@ -85,7 +84,8 @@ class Studio:
         if len(self._stills) > STILLS:
             self._stills.popitem(last=False)
 
-    def _open(self) -> Renderer:
+    def renderer(self) -> Renderer:
+        """Return the renderer; the context is current."""
         if self._renderer is None:
             from minigolf_env.rendering.gl_renderer import Renderer
 
@@ -94,5 +94,6 @@ class Studio:
 
 
 @functools.cache
-def _studio() -> Studio:
+def studio() -> Studio:
+    """Return this process's studio, made when first asked for."""
     return Studio()

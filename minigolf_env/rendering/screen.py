@@ -44,6 +44,9 @@ class Settings:
     profile: str = "auto"
     """One of PROFILES; "auto" is "high", and "fast" in a window that is drawn without a GPU."""
 
+    speed: float = 1.0
+    """How much faster than real time a window shows putts."""
+
     @property
     def aspect(self) -> float:
         """Width / height."""

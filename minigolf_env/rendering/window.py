@@ -27,15 +27,14 @@ class Window:
 
     Args:
         course: the course.
-        settings: size, camera and profile.
-        speed: how much faster than real time putts are shown.
+        settings: size, camera, profile and speed.
 
     Raises:
         RenderingError: there is no display, or no OpenGL on it.
     """
 
-    def __init__(self, course: Course, settings: Settings, speed: float = 1.0) -> None:
-        self._course, self._speed = course, speed
+    def __init__(self, course: Course, settings: Settings) -> None:
+        self._course, self._speed = course, settings.speed
         self.window = open_window(settings.size, f"minigolf: {course.name}")
         from minigolf_env.rendering.gl_renderer import Renderer, renderer_name
 

@@ -1,0 +1,218 @@
+"""Render modes and picture observations of the environments: what Gymnasium's users expect, and what costs nothing."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.error import ResetNeeded
+from gymnasium.utils.env_checker import check_env
+from numpy.typing import NDArray
+from stable_baselines3.common.env_checker import check_env as sb3_check_env
+
+import minigolf_env  # noqa: F401 (registers the environments)
+from minigolf_env.envs import MiniGolfEnv, MiniGolfVectorEnv
+from minigolf_env.envs.pixels import SIDE
+from minigolf_env.rendering import FPS, RenderingError
+
+pytestmark = pytest.mark.usefixtures("gl")
+
+SMALL: dict[str, Any] = {"render_size": (64, 48), "render_profile": "fast"}
+PUTT = np.array([0.3, 0.1], np.float32)
+
+
+def frames_of(shot_time: float) -> int:
+    """Return how many pictures a putt has, with the pause after it."""
+    return int(np.ceil((shot_time + 0.6) * FPS))
+
+
+@pytest.mark.parametrize("camera", ["follow", "top", "tee", "orbit"])
+def test_rgb_array_is_a_picture_of_the_present_state(camera: str) -> None:
+    """(H, W, 3) uint8, new each time, the same until something happens, another after a putt."""
+    env = MiniGolfEnv(render_mode="rgb_array", camera=camera, **SMALL)
+    env.reset(seed=0)
+    first, again = env.render(), env.render()
+    assert first.shape == (48, 64, 3) and first.dtype == np.uint8
+    assert first is not again and (first == again).all()
+    env.step(PUTT)
+    assert (env.render() != first).any()
+
+
+def test_rgb_array_list_has_every_picture_since_the_last_call() -> None:
+    """One of the tee, then FPS a second of each putt; then it is empty; a reset begins anew."""
+    env = MiniGolfEnv(render_mode="rgb_array_list", **SMALL)
+    env.reset(seed=0)
+    assert len(env.render()) == 1 and env.render() == []
+    times = [env.step(PUTT)[4]["shot_time"] for _ in range(2)]
+    pictures = env.render()
+    assert len(pictures) == sum(map(frames_of, times))
+    assert all(picture.shape == (48, 64, 3) for picture in pictures)
+    env.step(PUTT)
+    env.reset(seed=1)
+    assert len(env.render()) == 1
+
+
+def test_lists_of_consecutive_putts_are_one_film() -> None:
+    """However often render is called, the pictures are the same."""
+    one, many = (MiniGolfEnv(render_mode="rgb_array_list", **SMALL) for _ in range(2))
+    one.reset(seed=3), many.reset(seed=3)
+    pieces = many.render()
+    for _ in range(3):
+        one.step(PUTT), many.step(PUTT)
+        pieces += many.render()
+    np.testing.assert_array_equal(one.render(), pieces)
+
+
+def test_rendering_changes_no_result() -> None:
+    """An environment that is looked at plays as one that is not."""
+    plain, shown = (
+        MiniGolfEnv(putt_noise=(1.0, 0.05)),
+        MiniGolfEnv(putt_noise=(1.0, 0.05), render_mode="rgb_array", **SMALL),
+    )
+    np.testing.assert_array_equal(plain.reset(seed=2)[0], shown.reset(seed=2)[0])
+    for _ in range(3):
+        a, b = plain.step(PUTT), shown.step(PUTT)
+        np.testing.assert_array_equal(a[0], b[0])
+        assert a[1:] == b[1:]
+        shown.render()
+
+
+def test_without_a_render_mode_render_is_none_and_nothing_is_kept() -> None:
+    """As Gymnasium has it; and no path is computed."""
+    env = MiniGolfEnv()
+    env.reset(seed=0)
+    env.step(PUTT)
+    assert env.render() is None
+    assert env.screen._unseen == []
+
+
+def test_render_before_reset_says_so() -> None:
+    """There is no ball yet."""
+    for env in (MiniGolfEnv(render_mode="rgb_array"), MiniGolfVectorEnv(2, render_mode="rgb_array")):
+        with pytest.raises(ResetNeeded):
+            env.render()
+
+
+def test_render_after_close_still_draws() -> None:
+    """An environment owns nothing of OpenGL, so that closing it takes nothing away."""
+    env = MiniGolfEnv(render_mode="rgb_array", **SMALL)
+    env.reset(seed=0)
+    before = env.render()
+    env.close(), env.close()
+    np.testing.assert_array_equal(env.render(), before)
+
+
+def test_copies_and_pickles_show_the_same() -> None:
+    """With what they have not shown yet."""
+    env = MiniGolfEnv(render_mode="rgb_array_list", **SMALL)
+    env.reset(seed=0)
+    env.step(PUTT)
+    copies = [copy.deepcopy(env), pickle.loads(pickle.dumps(env))]  # noqa: S301 (our own)
+    pictures = env.render()
+    for other in copies:
+        np.testing.assert_array_equal(other.render(), pictures)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"render_mode": "rgb_aray"}, "render_mode.*did you mean 'rgb_array'"),
+        ({"camera": "folow"}, "camera.*did you mean 'follow'"),
+        ({"render_profile": "hi"}, "render_profile.*did you mean 'high'"),
+        ({"render_size": (0, 48)}, "render_size.*at least 1"),
+        ({"render_size": (64.5, 48)}, "render_size"),
+        ({"render_size": (64, 48, 3)}, "render_size"),
+        ({"render_size": 64}, "render_size"),
+        ({"render_speed": 0}, "render_speed"),
+        ({"observation": "pixel"}, "observation.*did you mean 'pixels'"),
+    ],
+)
+def test_bad_arguments_are_named(options: dict[str, Any], words: str) -> None:
+    """A wrong argument is a ValueError at the door, of both environments."""
+    for make in (MiniGolfEnv, lambda **kw: MiniGolfVectorEnv(2, **kw)):
+        with pytest.raises(ValueError, match=words):
+            make(**options)
+
+
+def test_human_without_a_display_says_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The display is looked for when something is to be shown."""
+    monkeypatch.delenv("DISPLAY", raising=False)
+    env = MiniGolfEnv(render_mode="human")
+    with pytest.raises(RenderingError, match=r"display.*xvfb.*rgb_array"):
+        env.reset(seed=0)
+
+
+@pytest.mark.parametrize("mode", ["rgb_array", "rgb_array_list"])
+def test_a_batch_shows_what_its_environments_would(mode: str) -> None:
+    """A tuple with one entry an environment, equal to the single one's, in two steps."""
+    batch = MiniGolfVectorEnv(3, render_mode=mode, **SMALL)
+    singles = [MiniGolfEnv(render_mode=mode, **SMALL) for _ in range(3)]
+    batch.reset(seed=5)
+    for i, single in enumerate(singles):
+        single.reset(seed=5 + i)
+    actions = np.array([[0.2, 0.1], [0.4, -0.3], [0.1, 0.0]], np.float32)
+    for _ in range(2):
+        shown = batch.render()
+        assert isinstance(shown, tuple) and len(shown) == 3
+        for one, single in zip(shown, singles, strict=True):
+            np.testing.assert_array_equal(one, single.render())
+        batch.step(actions)
+        for action, single in zip(actions, singles, strict=True):
+            single.step(action)
+
+
+def test_a_batch_without_a_render_mode_shows_nothing() -> None:
+    """And keeps nothing for it."""
+    batch = MiniGolfVectorEnv(2)
+    batch.reset(seed=0)
+    assert batch.render() is None
+
+
+def test_the_last_putt_is_still_seen_after_an_automatic_reset() -> None:
+    """SameStep resets before anyone can look."""
+    batch = MiniGolfVectorEnv(1, render_mode="rgb_array_list", autoreset_mode="SameStep", max_strokes=1, **SMALL)
+    batch.reset(seed=0)
+    batch.render()
+    for _ in range(3):
+        info = batch.step(PUTT[None])[4]
+        (pictures,) = batch.render() or ((),)
+        assert len(pictures) == frames_of(info["final_info"]["shot_time"][0]) + 1
+
+
+def test_pixels_show_ball_cup_and_strokes_left() -> None:
+    """The picture changes where the ball goes; its bar is as long as the strokes left."""
+    env = MiniGolfEnv(observation="pixels", max_strokes=4)
+    first, _ = env.reset(seed=0)
+    assert env.observation_space.contains(first) and first.shape == (SIDE, SIDE, 3)
+    second = env.step(PUTT)[0]
+    assert (first[-1] == 255).all() and (second[-1, :, 0] == 255).sum() == 0.75 * SIDE
+    moved = np.argwhere((first[:-2] != second[:-2]).any(axis=2))
+    assert 8 < len(moved) < 0.1 * SIDE * SIDE
+
+
+def test_pixels_of_a_batch_are_those_of_single_environments() -> None:
+    """Bit for bit, through an automatic reset."""
+    batch = MiniGolfVectorEnv(4, observation="pixels", max_strokes=2)
+    seen: list[NDArray[Any]] = [batch.reset(seed=7)[0]]
+    rng = np.random.default_rng(0)
+    actions = rng.uniform(-1, 1, (3, 4, 2)).astype(np.float32)
+    seen += [batch.step(putts)[0] for putts in actions]
+    for i in range(4):
+        single = MiniGolfEnv(observation="pixels", max_strokes=2)
+        observation, _ = single.reset(seed=7 + i)
+        over = False
+        for k in range(4):
+            np.testing.assert_array_equal(seen[k][i], observation)
+            if k < 3:
+                observation, _, ended, _, _ = single.step(actions[k, i]) if not over else (*single.reset(), False, 0, 0)
+                over = bool(ended)
+
+
+def test_checkers_accept_pixels() -> None:
+    """Gymnasium's and stable-baselines3's; windows apart, for which there is no display here."""
+    check_env(gym.make("MiniGolf-v0", observation="pixels").unwrapped, skip_render_check=True)
+    sb3_check_env(gym.make("MiniGolf-v0", observation="pixels"))

@@ -1,0 +1,258 @@
+"""Pictures as such: the same bits always, and nothing missing in them."""
+
+from __future__ import annotations
+
+import ctypes
+import hashlib
+import os
+import subprocess
+import sys
+import threading
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from minigolf_env.courses import load_course
+from minigolf_env.rendering import Frame, Line, RenderingError, flag_at_rest, gl_context
+from minigolf_env.rendering.camera import Camera, view
+from minigolf_env.rendering.offscreen import Picture, Studio, draw, studio
+from minigolf_env.rendering.playback import flag_foot
+
+pytestmark = pytest.mark.usefixtures("gl")
+
+ROOT = Path(__file__).parents[2]
+GOLDEN = ROOT / "tests" / "data" / "pictures"
+SIZE = (240, 180)
+DOGLEG = load_course("dogleg")
+ALIKE = 0.75
+"""Mean difference (of 255) that pictures of other graphics libraries may have; a missing ball differs by more."""
+
+
+def moment(ball: tuple[float, float] = (0.6, 0.4)) -> Frame:
+    """Return a ball on the dogleg's felt, with a trail."""
+    place = np.array([*ball, DOGLEG.ball_radius])
+    way = np.linspace(place - [0.3, 0.1, 0.019], place - [0, 0, 0.019], 12)
+    return Frame(place, np.eye(3), flag_foot(DOGLEG, place), (Line(way, 0.02, (1, 1, 1, 0.1), (1, 1, 1, 0.5)),))
+
+
+def picture(frame: Frame | None = None, camera: str = "follow", profile: str = "high") -> Picture:
+    """Return a picture of the dogleg."""
+    frame = moment() if frame is None else frame
+    return draw(DOGLEG, view(camera, DOGLEG, frame.ball, SIZE[0] / SIZE[1]), frame, SIZE, profile)
+
+
+def difference(a: Picture, b: Picture) -> float:
+    """Return how much two pictures differ where they differ most: the largest mean over tiles of 12 x 12 pixels."""
+    away = np.abs(a.astype(float) - b).mean(axis=2)
+    return float(away.reshape(SIZE[1] // 12, 12, SIZE[0] // 12, 12).mean(axis=(1, 3)).max())
+
+
+def digest(code: str, **environment: str) -> str:
+    """Return what a fresh process prints that runs ``code`` with this module's names."""
+    names = "from tests.rendering.test_pictures import *; "
+    done = subprocess.run(
+        [sys.executable, "-c", names + code],
+        cwd=ROOT,
+        env={**os.environ, **environment},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout.strip()
+
+
+def fingerprint(*pictures: Picture) -> str:
+    """Return a hash of pictures."""
+    return hashlib.sha256(b"".join(map(bytes, pictures))).hexdigest()
+
+
+@pytest.mark.parametrize("profile", ["high", "fast"])
+def test_the_same_picture_twice(profile: str) -> None:
+    """Bit for bit, with others drawn in between."""
+    first = picture(profile=profile)
+    picture(camera="top", profile=profile)
+    assert (picture(profile=profile) == first).all()
+
+
+@pytest.mark.parametrize("threads", ["0", "1", "2"])
+def test_the_same_picture_in_another_process_with_other_threads(threads: str) -> None:
+    """The software renderer's threads change nothing."""
+    here = fingerprint(picture(), picture(camera="top", profile="fast"))
+    there = digest('print(fingerprint(picture(), picture(camera="top", profile="fast")))', LP_NUM_THREADS=threads)
+    assert there == here
+
+
+@pytest.mark.parametrize("profile", ["high", "fast"])
+@pytest.mark.parametrize("camera", ["top", "tee", "orbit"])
+@pytest.mark.parametrize("name", ["dogleg", "room"])
+def test_drawing_only_what_moves_gives_the_same_picture(name: str, camera: str, profile: str) -> None:
+    """Balls anywhere, in the air and beside the course, the flag in and out, lines: as if all were drawn."""
+    course, rng, size = load_course(name), np.random.default_rng(0), (96, 72)
+    place = view(camera, course, np.zeros(3), 4 / 3)
+    lower, upper = np.array(course.bounds)
+    for k in range(8):
+        ball = rng.uniform(lower, upper)
+        line = Line(rng.uniform(lower, upper, (4, 3)), 0.03, (1, 0, 0, 0.8), (1, 1, 1, 0.3))
+        frame = Frame(ball, np.eye(3), flag_foot(course, ball), (line,) if k % 3 == 0 else (), 1.0 + k % 2)
+        with studio().context.current():
+            expected = studio().renderer().draw(course, place, frame, size, profile).read()
+        np.testing.assert_array_equal(draw(course, place, frame, size, profile), expected)
+
+
+def test_other_threads_draw_the_same() -> None:
+    """Four threads at once get what one gets."""
+    expected, drawn = picture(), []
+    threads = [threading.Thread(target=lambda: drawn.append(picture())) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len(drawn) == 4 and all((one == expected).all() for one in drawn)
+
+
+@pytest.mark.parametrize("camera", ["follow", "top", "tee", "orbit"])
+def test_pictures_are_those_looked_at_when_they_were_made(camera: str) -> None:
+    """Against stored pictures, with room for other graphics libraries: ``python -m tests.rendering.test_pictures``."""
+    stored = np.asarray(Image.open(GOLDEN / f"dogleg_{camera}.png").convert("RGB"))
+    now = picture(camera=camera)
+    assert np.abs(now.astype(float) - stored).mean() < ALIKE
+    assert difference(now, stored) < 4.0 * ALIKE
+
+
+def without(what: str) -> Picture:
+    """Return the followed picture with something missing from it."""
+    frame = moment()
+    if what == "ball and its shadow":
+        return picture(frame._replace(ball=frame.ball - [0, 0, 50.0]), camera="tee")
+    if what == "flag":
+        return picture(frame._replace(flag=np.array([0.0, 0.0, -50.0])), camera="tee")
+    return picture(frame._replace(lines=()), camera="tee")
+
+
+@pytest.mark.parametrize("what", ["ball and its shadow", "flag", "trail"])
+def test_the_comparison_notices_what_is_missing(what: str) -> None:
+    """Each small thing changes the picture by more than the comparison allows."""
+    assert difference(without(what), picture(camera="tee")) > 4.0 * ALIKE
+
+
+@pytest.mark.parametrize(
+    ("broken", "change"),
+    [
+        ("the sun's shadows", ("direct *= visible(sun_map", "if (false) direct *= visible(sun_map")),
+        ("the ball's shadow", ("direct *= past_ball(place)", "direct *= 1.0")),
+        ("the flag's shadow", ("direct *= past_flag(place)", "direct *= 1.0")),
+        ("the cup's depth", ("if (cup.w > 0.0) albedo", "if (false) albedo")),
+        ("the mown stripes", ("sin(place.x * (PI / 0.22))", "0.0")),
+        ("the grain of the wood", ("float ring = ", "float ring = 0.0 * ")),
+    ],
+)
+def test_the_comparison_notices_broken_shaders(
+    broken: str, change: tuple[str, str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without one of the lights the stored picture from the tee is missed by more than it may be."""
+    from minigolf_env.rendering import gl_objects
+
+    sources = gl_objects.source
+
+    def altered(name: str) -> str:
+        text = sources(name)
+        assert name != "surface.frag" or change[0] in text, f"surface.frag has changed: {change[0]}"
+        return text.replace(*change)
+
+    monkeypatch.setattr(gl_objects, "source", altered)
+    frame = moment((3.2, 1.9))._replace(flag=flag_at_rest(DOGLEG))
+    camera = view("follow", DOGLEG, np.array([3.0, 1.4, 0.0]), SIZE[0] / SIZE[1])
+    if broken == "the ball's shadow":
+        camera = Camera((3.1, 1.6, 0.2), (3.2, 1.9, 0.0))
+    fresh = Studio()
+    with fresh.context.current():
+        bad = fresh.draw((DOGLEG, camera, SIZE, "high"), frame)
+    assert difference(bad, draw(DOGLEG, camera, frame, SIZE, "high")) > 4.0 * ALIKE
+
+
+def test_the_largest_size_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Beyond the library's limit there is an error that names it, and the next picture is drawn."""
+    with pytest.raises(RenderingError, match="render_size"):
+        draw(DOGLEG, view("top", DOGLEG, np.zeros(3), 1.0), moment(), (100_000, 8))
+    assert picture().shape == (SIZE[1], SIZE[0], 3)
+
+
+def test_the_smallest_size_is_one_pixel() -> None:
+    """Odd and tiny sizes have the shape that was asked for."""
+    for size in ((1, 1), (3, 7), (101, 33)):
+        assert draw(DOGLEG, view("top", DOGLEG, np.zeros(3), 1.0), moment(), size).shape == (size[1], size[0], 3)
+
+
+def test_a_forked_child_is_told_and_does_not_hang() -> None:
+    """OpenGL does not survive a fork."""
+    code = """
+picture()
+import multiprocessing
+def child(queue):
+    try: picture()
+    except RenderingError as error: queue.put(str(error))
+fork = multiprocessing.get_context("fork"); queue = fork.Queue()
+process = fork.Process(target=child, args=(queue,)); process.start(); print(queue.get(timeout=60)); process.join()
+"""
+    assert "fork" in digest(f"exec({code!r})")
+
+
+def test_nothing_of_opengl_is_loaded_before_the_first_picture() -> None:
+    """Neither import nor make, reset and step without a render mode."""
+    code = (
+        "import sys, gymnasium as gym, minigolf_env; env = gym.make('MiniGolf-v0', render_mode='rgb_array'); "
+        "env.reset(seed=0); env.step([0.1, 0]); print(*sorted({'OpenGL', 'pyglet'} & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert done.stdout.split() == []
+
+
+def test_a_missing_library_is_named_with_its_remedy() -> None:
+    """Whatever PyOpenGL raises where libEGL cannot be loaded becomes one sentence."""
+    code = """
+import ctypes, ctypes.util, sys
+for name in [name for name in sys.modules if name.startswith("OpenGL")]: del sys.modules[name]
+load = ctypes.CDLL.__init__
+def refuse(self, name, *rest, **more):
+    if "EGL" in str(name): raise OSError(f"{name}: cannot open shared object file")
+    load(self, name, *rest, **more)
+ctypes.CDLL.__init__ = refuse
+ctypes.util.find_library = lambda name: None if "EGL" in name else name
+try: gl_context.HeadlessContext()
+except RenderingError as error: print(error)
+"""
+    assert "apt-get install libegl1 libgl1" in digest(f"exec({code!r})")
+
+
+def test_a_device_that_is_not_there_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The variable that chooses one is checked."""
+    monkeypatch.setenv(gl_context.DEVICE_VARIABLE, "99")
+    with pytest.raises(RenderingError, match=f"{gl_context.DEVICE_VARIABLE}.*99"):
+        gl_context.HeadlessContext()
+
+
+def address(pointer: Any) -> int | None:
+    """Return where a pointer points."""
+    return ctypes.cast(pointer, ctypes.c_void_p).value
+
+
+def test_other_users_of_opengl_are_not_disturbed() -> None:
+    """A context that was current before a picture is current after it, and undamaged."""
+    from OpenGL import EGL, GL
+
+    other = gl_context.HeadlessContext()
+    with other.current():
+        before = address(EGL.eglGetCurrentContext())
+        GL.glClearColor(0.25, 0.5, 0.75, 1.0)
+        picture()
+        assert address(EGL.eglGetCurrentContext()) == before
+        np.testing.assert_allclose(GL.glGetFloatv(GL.GL_COLOR_CLEAR_VALUE), [0.25, 0.5, 0.75, 1.0])
+
+
+if __name__ == "__main__":
+    for name in ("follow", "top", "tee", "orbit"):
+        Image.fromarray(picture(camera=name)).save(GOLDEN / f"dogleg_{name}.png")

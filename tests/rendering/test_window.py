@@ -1,0 +1,124 @@
+"""Render mode "human", in a real window on a screen in memory."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import textwrap
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+
+START = """
+import time
+import gymnasium as gym, numpy as np
+import minigolf_env
+from PIL import ImageGrab
+size = {"render_size": (320, 240), "render_profile": "fast"}
+human = gym.make("MiniGolf-v0", render_mode="human", render_speed=speed, **size)
+array = gym.make("MiniGolf-v0", render_mode="rgb_array", **size)
+putt = np.array([0.25, 0.05], np.float32)
+def window(): return human.unwrapped.screen._window
+def grab():
+    x, y = window().window.get_location()
+    return np.asarray(ImageGrab.grab(xdisplay=display).convert("RGB"))[y:y + 240, x:x + 320]
+def wait_for(picture):
+    while not (grab() == picture).all(): time.sleep(0.05)
+"""
+
+
+def run(display: str, code: str, speed: float = 10.0) -> str:
+    """Return what code prints that runs after START, with a screen."""
+    done = subprocess.run(
+        [sys.executable, "-c", f"display, speed = {display!r}, {speed}\n{START}\n{textwrap.dedent(code)}"],
+        cwd=ROOT,
+        env={**os.environ, "DISPLAY": display},
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout.strip()
+
+
+def test_the_window_shows_the_same_picture_as_rgb_array(display: str) -> None:
+    """Bit for bit, through another context and while both are used in turn; also after a putt's film has ended."""
+    code = """
+        human.reset(seed=1), array.reset(seed=1)
+        wait_for(array.render())
+        for env in (human, array): env.unwrapped.set_state({"position": (2.0, 0.3, 0.03)})
+        wait_for(array.render())
+        print("seen")
+    """
+    assert run(display, code) == "seen"
+
+
+def test_a_putt_takes_its_time(display: str) -> None:
+    """Nothing of it is left out, and its last picture has the ball where it lies."""
+    code = """
+        human.reset(seed=1)
+        shown = []
+        show = window().show
+        window().show = lambda camera, frame: (shown.append(frame.ball), show(camera, frame))
+        start = time.perf_counter()
+        info = human.step(putt)[4]
+        assert time.perf_counter() - start >= info["shot_time"] > 0.5
+        assert len(shown) >= 3 and np.array_equal(shown[-1], human.unwrapped.get_state()["position"])
+        print("shown")
+    """
+    assert run(display, code, speed=1.0) == "shown"
+
+
+def test_closing_the_window_in_the_middle_of_a_putt_ends_the_showing(display: str) -> None:
+    """The putt is played all the same; later ones pass unseen; closing twice and rendering do no harm."""
+    code = """
+        human.reset(seed=1), array.reset(seed=1)
+        show, count = window().show, [0]
+        def closing(camera, frame):
+            count[0] += 1
+            if count[0] == 3: window().window.dispatch_event("on_close")
+            show(camera, frame)
+        window().show = closing
+        human.step(putt), array.step(putt)
+        assert count[0] == 3 and not window().is_open
+        assert human.unwrapped.get_state()["position"] == array.unwrapped.get_state()["position"]
+        human.step(putt), human.reset(), human.render(), human.close(), human.close()
+        array.render()
+        print("ended")
+    """
+    assert run(display, code) == "ended"
+
+
+def test_a_resized_window_is_filled(display: str) -> None:
+    """The picture takes the window's new size."""
+    code = """
+        human.reset(seed=1)
+        window().window.set_size(200, 300)
+        wide = gym.make("MiniGolf-v0", render_mode="rgb_array", render_size=(200, 300), render_profile="fast")
+        wide.reset(seed=1)
+        expected = wide.render()
+        while True:
+            window()._listen()
+            x, y = window().window.get_location()
+            seen = np.asarray(ImageGrab.grab(xdisplay=display).convert("RGB"))[y:y + 300, x:x + 200]
+            if np.abs(seen.astype(int) - expected).mean() < 8.0: break
+            time.sleep(0.05)
+        print("filled")
+    """
+    assert run(display, code) == "filled"
+
+
+def test_two_windows_at_once(display: str) -> None:
+    """Each shows its own environment."""
+    code = """
+        other = gym.make("MiniGolf-v0", render_mode="human", camera="top", render_speed=speed, **size)
+        human.reset(seed=1), other.reset(seed=2)
+        human.step(putt), other.step(putt)
+        assert window().is_open and other.unwrapped.screen._window.is_open
+        human.close()
+        other.step(putt)
+        print("both")
+    """
+    assert run(display, code) == "both"
