@@ -1,9 +1,11 @@
 """How much processor time a picture costs, beside MuJoCo's renderer: ``python -m benchmarks.rendering``.
 
-Both draw through EGL, with four samples a pixel and shadows (ours at profile "high"), and without both ("fast"); sizes
-640 x 480, 256 x 256 and 84 x 84; a ball on a green with borders and obstacles, the camera behind the ball moving with it.
-MuJoCo's shadow map has 1024 pixels a side, as ours: its default, 4096, is slower. Times are of all threads, medians; the
-two take turns. Also: the start of Python to the first picture, and pictures for pixel observations.
+Both draw through EGL: ours at profile "high" beside MuJoCo's with four samples a pixel and shadows, ours at "fast" (one
+sample, with shadows) beside MuJoCo's with neither. A ball on a green with borders and obstacles, the camera behind the
+ball and moving with it. MuJoCo's shadow map has 1024 pixels a side, as ours: its default, 4096, is slower. Times are of
+all threads, medians; the two take turns.
+
+Also: the time from the start of Python to the first picture, and how many pictures pixel observations get.
 """
 
 from __future__ import annotations

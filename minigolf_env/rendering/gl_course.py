@@ -10,7 +10,7 @@ from OpenGL import GL
 
 from minigolf_env.rendering import models
 from minigolf_env.rendering.gl_objects import Mesh, Program, texture
-from minigolf_env.rendering.moving import CORNERS, SUN
+from minigolf_env.rendering.moving import SUN, seen_between
 from minigolf_env.rendering.scene import Scene
 
 FloatArray = NDArray[np.float64]
@@ -50,18 +50,19 @@ class CourseBuffers:
     def __init__(self, scene: Scene, program: Program) -> None:
         self.scene = scene
         self._mesh = Mesh(scene.vertices, scene.indices)
-        boxes = np.array([[chunk.lower, chunk.upper] for chunk in scene.chunks])
-        corners = np.where(CORNERS < 0.0, boxes[:, :1], boxes[:, 1:])
-        self._corners = np.concatenate([corners, np.ones((*corners.shape[:2], 1))], axis=-1)
+        lower, upper = (np.array([getattr(chunk, side) for chunk in scene.chunks]) for side in ("lower", "upper"))
+        self._boxes = 0.5 * (lower + upper), 0.5 * (upper - lower)
         self.sun = self._depth_map(program, SUN, SUN_MAP, SUN_BLUR)
         self.sky = self._depth_map(program, UP, SKY_MAP, SKY_BLUR)
         self.lawn = Mesh(*models.lawn(self._lies_on_ground(program), scene.lower, scene.upper, LAWN_REACH))
 
     def visible(self, clip: FloatArray, edges: FloatArray) -> list[tuple[str, Runs]]:
         """Return what may be seen between edges (2, 2) of a picture, by material."""
+        lower, upper = seen_between(*self._boxes, clip)
+        outside = (upper < edges[0]) | (lower > edges[1])
         runs: dict[str, Runs] = {}
-        for chunk, seen in zip(self.scene.chunks, in_sight(self._corners, clip, edges).tolist(), strict=True):
-            if seen:
+        for chunk, hidden in zip(self.scene.chunks, outside.any(axis=1).tolist(), strict=True):
+            if not hidden:
                 known = runs.setdefault(chunk.material, [])
                 if known and sum(known[-1]) == chunk.start:
                     known[-1] = (known[-1][0], known[-1][1] + chunk.size)
@@ -110,14 +111,6 @@ class CourseBuffers:
         depths = _depths(self._mesh, program, clip, LAWN_CELLS * fine, both_sides=True) * spread[2]
         lies = (depths < 0.02).reshape(LAWN_CELLS, fine, LAWN_CELLS, fine)
         return np.asarray(lies.all(axis=(1, 3)))
-
-
-def in_sight(corners: FloatArray, clip: FloatArray, edges: FloatArray) -> NDArray[np.bool_]:
-    """Return for boxes with corners (N, 8, 4) whether they may be seen between edges (2, 2) of a picture."""
-    at = corners @ clip.T
-    xy, w = at[..., :2], at[..., 3:]
-    outside = (xy < edges[0] * w).all(axis=1) | (xy > edges[1] * w).all(axis=1)
-    return np.asarray(~outside.any(axis=1))
 
 
 def _depths(mesh: Mesh, program: Program, clip: FloatArray, size: int, both_sides: bool = False) -> FloatArray:

@@ -28,11 +28,12 @@ FRAME_SLOT = 5
 
 
 class Program:
-    """A linked shader program: "depth", "line", or the name of a material."""
+    """A linked shader program: "depth", "line", or the name of a material; ``fast``: with less light on it."""
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: str, fast: bool = False) -> None:
         stem = "surface" if name in MATERIALS else name
         defines = "".join(f"#define {m.upper()} {k}\n" for k, m in enumerate(MATERIALS))
+        defines += "#define FAST\n" if fast else ""
         defines += f"#define MATERIAL {name.upper()}\n" if name in MATERIALS else ""
         self.name = GL.glCreateProgram()
         for kind, ending in ((GL.GL_VERTEX_SHADER, "vert"), (GL.GL_FRAGMENT_SHADER, "frag")):

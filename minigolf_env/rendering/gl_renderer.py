@@ -18,9 +18,9 @@ from minigolf_env.rendering import models, textures
 from minigolf_env.rendering.camera import Camera
 from minigolf_env.rendering.errors import RenderingError
 from minigolf_env.rendering.frame import Frame
-from minigolf_env.rendering.gl_course import CourseBuffers, in_sight
+from minigolf_env.rendering.gl_course import UP, CourseBuffers
 from minigolf_env.rendering.gl_objects import FRAME_SLOT, Lines, Mesh, Program, Target, cube_map, texture
-from minigolf_env.rendering.moving import CLOTH, CORNERS, SUN, Box, flag_at_rest
+from minigolf_env.rendering.moving import CLOTH, SUN, Box, flag_at_rest, seen_between
 from minigolf_env.rendering.scene import build_scene
 
 FloatArray = NDArray[np.float64]
@@ -61,11 +61,13 @@ class Renderer:
 
     def __init__(self) -> None:
         self._largest = int(GL.glGetIntegerv(GL.GL_MAX_RENDERBUFFER_SIZE))
-        self._programs: dict[str, Program] = {}
+        self._programs: dict[tuple[str, bool], Program] = {}
+        self._fast = False
         self._courses: OrderedDict[Course, CourseBuffers] = OrderedDict()
         self._targets: OrderedDict[tuple[tuple[int, int], int], Target] = OrderedDict()
         self._frame = GL.glGenBuffers(1)
         GL.glBindBuffer(GL.GL_UNIFORM_BUFFER, self._frame)
+        self._block = np.zeros((), FRAME_BLOCK)
         GL.glBufferData(GL.GL_UNIFORM_BUFFER, FRAME_BLOCK.itemsize, None, GL.GL_DYNAMIC_DRAW)
         felt, wood, stone = (texture(image) for image in (textures.felt(), textures.wood(), textures.stone()))
         self._paint = {"felt": felt, "lawn": felt, "wood": wood, "stone": stone}
@@ -88,6 +90,7 @@ class Renderer:
 
         Without a frame: the course with its flag, and no ball.
         """
+        self._fast = profile == "fast"
         buffers = self._keep(self._courses, course, lambda: CourseBuffers(build_scene(course), self._program("depth")))
         target = self._target(size, SAMPLES[profile])
         part = part or Box(0, 0, *size)
@@ -102,7 +105,7 @@ class Renderer:
         self._use("lawn")
         buffers.lawn.draw()
         foot = flag_at_rest(course) if frame is None else frame.flag
-        if course.cup is not None and in_sight(_flag_corners(foot), clip, edges):
+        if course.cup is not None and self._is_flag_seen(foot, clip, edges):
             self._draw_flag(foot)
         if frame is not None:
             self._use("ball", _model(frame.ball, frame.size * course.ball_radius, frame.turn))
@@ -146,6 +149,11 @@ class Renderer:
         if material in self._paint:
             GL.glBindTexture(GL.GL_TEXTURE_2D, self._paint[material])
 
+    def _is_flag_seen(self, foot: FloatArray, clip: FloatArray, edges: FloatArray) -> bool:
+        half = np.array([models.CLOTH_LENGTH, models.CLOTH_LENGTH, 0.5 * models.POLE_HEIGHT])
+        lower, upper = seen_between((foot + UP * half)[None], half[None], clip)
+        return bool((upper >= edges[0]).all() and (lower <= edges[1]).all())
+
     def _draw_flag(self, foot: FloatArray) -> None:
         model = _model(foot, 1.0)
         self._use("pole", model)
@@ -158,7 +166,7 @@ class Renderer:
     def _fill_frame(
         self, course: Course, buffers: CourseBuffers, clip: FloatArray, camera: Camera, frame: Frame | None
     ) -> None:
-        block = np.zeros((), FRAME_BLOCK)
+        block = self._block
         block["clip_from_world"] = clip.T
         block["sun_from_world"], block["sky_from_world"] = buffers.sun.from_world.T, buffers.sky.from_world.T
         block["eye"][:3], block["sun"][:3] = camera.eye, SUN
@@ -168,7 +176,9 @@ class Renderer:
             block["flag"][:3] = flag_at_rest(course) if frame is None else frame.flag
             block["flag"][3] = models.POLE_HEIGHT
             block["cloth"] = *CLOTH, models.CLOTH_LENGTH, models.CLOTH_WIDTH
-            block["cup"][:3], block["cup"][3] = course.cup.position, course.cup.radius
+            block["cup"] = *course.cup.position, course.cup.radius
+        else:
+            block["flag"], block["cup"] = 0.0, 0.0
         lower, upper = buffers.scene.lower, buffers.scene.upper
         block["middle"][:3] = 0.5 * (lower + upper)
         block["ground"] = lower[2], 0.5 * np.linalg.norm(upper - lower), buffers.sun.depth, buffers.sky.depth
@@ -177,9 +187,10 @@ class Renderer:
         GL.glBindBufferBase(GL.GL_UNIFORM_BUFFER, FRAME_SLOT, self._frame)
 
     def _program(self, name: str) -> Program:
-        if name not in self._programs:
-            self._programs[name] = Program(name)
-        return self._programs[name]
+        key = name, self._fast
+        if key not in self._programs:
+            self._programs[key] = Program(*key)
+        return self._programs[key]
 
     def _target(self, size: tuple[int, int], samples: int) -> Target:
         if max(size) > self._largest:
@@ -209,13 +220,6 @@ def _edges(part: Box, size: tuple[int, int]) -> FloatArray:
     """Return the lower and upper edges (2, 2) of a part of a picture in x and y, -1 to 1."""
     pixels = np.array([[part.left, part.top], [part.right, part.bottom]])
     return np.asarray(2.0 * pixels / size - 1.0)
-
-
-def _flag_corners(foot: FloatArray) -> FloatArray:
-    """Return the corners (1, 8, 4) of a box around the flag."""
-    half = np.array([models.CLOTH_LENGTH, models.CLOTH_LENGTH, 0.5 * models.POLE_HEIGHT])
-    corners = foot + np.array([0.0, 0.0, half[2]]) + half * CORNERS
-    return np.asarray(np.append(corners, np.ones((8, 1)), axis=1)[None])
 
 
 def _model(place: FloatArray, size: float, turn: FloatArray | None = None) -> FloatArray:

@@ -31,8 +31,11 @@ SOFT = 0.1
 ROUND = np.array([[-1.0], [2.0]])
 """A part of a picture in whole pixels, with one to spare."""
 
-CORNERS = np.stack(np.meshgrid(*[[-1.0, 1.0]] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
-"""Of a cube (8, 3)."""
+TINY = 1e-6
+"""A distance from the camera, m."""
+
+NEAR_AND_FAR = np.array([[[-1.0]], [[1.0]]])
+"""Towards the camera, and away from it."""
 
 
 class Box(NamedTuple):
@@ -71,15 +74,27 @@ def moving_part(course: Course, camera: Camera, frame: Frame, size: tuple[int, i
                 (top - fall * SUN, 1.2 * CLOTH_LENGTH + SOFT * fall),
             ]
     cubes += [(point, line.width) for line in frame.lines for point in line.points]
-    middles, halves = np.array([cube[0] for cube in cubes]), np.array([cube[1] for cube in cubes])
-    points = (middles[:, None] + halves[:, None, None] * CORNERS).reshape(-1, 3)
-    at = np.append(points, np.ones((len(points), 1)), axis=1) @ camera.clip_from_world(size[0] / size[1]).T
-    if at[:, 3].min() <= 0.0:
-        return Box(0, 0, *size)  # Something is behind the camera: it has no place in the picture.
-    x, y = at[:, 0] / at[:, 3], -at[:, 1] / at[:, 3]
-    pixels = 0.5 * np.array([[x.min() + 1.0, y.min() + 1.0], [x.max() + 1.0, y.max() + 1.0]]) * size
+    middles, halves = np.array([middle for middle, _ in cubes]), np.array([[half] * 3 for _, half in cubes])
+    lower, upper = seen_between(middles, halves, camera.clip_from_world(size[0] / size[1]))
+    (left, top), (right, bottom) = (lower[:, 0].min(), -upper[:, 1].max()), (upper[:, 0].max(), -lower[:, 1].min())
+    pixels = (0.5 + 0.5 * np.array([[left, top], [right, bottom]])) * size
     (left, top), (right, bottom) = np.clip(np.floor(pixels) + ROUND, 0, size).astype(int).tolist()
     return Box(left, top, right, bottom)
+
+
+def seen_between(middles: FloatArray, halves: FloatArray, clip: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return lower and upper bounds (N, 2) of where upright boxes are seen, x and y in [-1, 1] in the picture.
+
+    Args:
+        middles: (N, 3) of the boxes, m.
+        halves: (N, 3) half their sizes, m.
+        clip: (4, 4) to clip coordinates. A box that reaches behind the camera may be anywhere.
+    """
+    rows = clip[[0, 1, 3]]
+    at, spread = middles @ rows[:, :3].T + rows[:, 3], halves @ np.abs(rows[:, :3]).T
+    xy, w = np.stack([at - spread, at + spread])[..., :2], at[:, 2:] + spread[:, 2:] * NEAR_AND_FAR
+    ends, behind = xy[:, None] / np.maximum(w, TINY), w[0] < TINY
+    return np.where(behind, -np.inf, ends.min(axis=(0, 1))), np.where(behind, np.inf, ends.max(axis=(0, 1)))
 
 
 @functools.lru_cache(maxsize=64)

@@ -11,13 +11,15 @@ uniform samplerCube dimples;
 uniform mat4 model;
 
 // The share of light that reaches a depth, from the mean and mean square of the depths that stop it around there
-// (W. Donnelly and A. Lauritzen, "Variance Shadow Maps", 2006); `least` is the variance of a flat surface.
-float visible(sampler2D map, mat4 from_world, vec3 p, float furthest, float least) {
+// (W. Donnelly and A. Lauritzen, "Variance Shadow Maps", 2006); `least` is the variance of a flat surface, `fade` how
+// fast a shadow gets weaker with the distance from what throws it, a metre.
+float visible(sampler2D map, mat4 from_world, vec3 p, float furthest, float least, float fade) {
     vec3 at = (from_world * vec4(p, 1.0)).xyz;
     vec2 moments = texture(map, at.xy).rg;
     float behind = max(min(at.z, furthest) - moments.x, 0.0);
     float variance = max(moments.y - moments.x * moments.x, least);
-    return smoothstep(0.15, 1.0, variance / (variance + behind * behind));
+    float stopped = 1.0 - smoothstep(0.15, 1.0, variance / (variance + behind * behind));
+    return 1.0 - stopped * exp(-fade * behind);
 }
 
 // The share of the sun's disc that the ball leaves visible from p.
@@ -104,7 +106,7 @@ void main() {
     float direct = toward;
     float open = 1.0;
 #if MATERIAL != CLOTH && MATERIAL != POLE
-    direct *= visible(sun_map, sun_from_world, place + n * 0.004, ground.z, 1e-5);
+    direct *= visible(sun_map, sun_from_world, place + n * 0.004, ground.z, 1e-5, 0.0);
 #if MATERIAL != BALL && MATERIAL != LAWN
     direct *= past_ball(place);
     vec3 way = ball.xyz - place;
@@ -118,14 +120,18 @@ void main() {
 #if MATERIAL != LAWN
     if (flag.w > 0.0) direct *= past_flag(place);
 #endif
-    open *= mix(0.35, 1.0, visible(sky_map, sky_from_world, place + n * 0.01, ground.w, 2e-4));
+#ifndef FAST
+    open *= mix(0.35, 1.0, visible(sky_map, sky_from_world, place + n * 0.01, ground.w, 2e-4, 2.5));
+#endif
 #endif
     vec3 ambient = mix(BOUNCED, SKYLIGHT, 0.5 + 0.5 * n.z) * open;
     vec3 lit = albedo * (SUNLIGHT * direct + ambient);
+#ifndef FAST
     if (gloss > 0.0) {
         vec3 middle = normalize(view + sun.xyz);
         lit += SUNLIGHT * (gloss * direct * pow(max(dot(n, middle), 0.0), sharpness));
     }
+#endif
 #if MATERIAL == LAWN
     lit = mix(lit, HAZE * HAZE, smoothstep(1.5, 7.0, length(place.xy - middle.xy) / ground.y));
 #endif
