@@ -11,7 +11,7 @@ from minigolf_env.courses import Course
 from minigolf_env.rendering.camera import Camera
 from minigolf_env.rendering.errors import RenderingError
 from minigolf_env.rendering.frame import Frame
-from minigolf_env.rendering.gl_context import INSTALL
+from minigolf_env.rendering.gl_context import INSTALL, for_windows
 from minigolf_env.rendering.playback import Replay
 from minigolf_env.rendering.screen import Settings
 
@@ -35,14 +35,15 @@ class Window:
 
     def __init__(self, course: Course, settings: Settings) -> None:
         self._course, self._speed = course, settings.speed
-        self.window = open_window(settings.size, f"minigolf: {course.name}")
-        from minigolf_env.rendering.gl_renderer import Renderer, renderer_name
-
-        self.window.switch_to()
-        self._renderer = Renderer()
-        software = any(name in renderer_name() for name in SOFTWARE)
-        self._profile = {"auto": "fast" if software else "high"}.get(settings.profile, settings.profile)
         self._shown: tuple[Camera, Frame] | None = None
+        with for_windows():
+            self.window = open_window(settings.size, f"minigolf: {course.name}")
+            from minigolf_env.rendering.gl_renderer import Renderer, renderer_name
+
+            self.window.switch_to()
+            self._renderer = Renderer()
+            software = any(name in renderer_name() for name in SOFTWARE)
+        self._profile = {"auto": "fast" if software else "high"}.get(settings.profile, settings.profile)
         self.window.push_handlers(on_expose=self._redraw, on_resize=lambda width, height: None)
 
     @property
@@ -51,10 +52,15 @@ class Window:
         return self.window is not None and not self.window.has_exit
 
     def show(self, camera: Camera, frame: Frame) -> None:
-        """Show a moment."""
+        """Show a moment, and let the window's user do things."""
         self._shown = camera, frame
-        self._redraw()
-        self._listen()
+        if not self.is_open:
+            return
+        with for_windows():
+            self._redraw()
+            self.window.dispatch_events()
+            if self.window.has_exit:
+                self.close()
 
     def play(self, replay: Replay) -> None:
         """Show a putt, and return when it has ended or the window is closed."""
@@ -62,26 +68,18 @@ class Window:
         now = 0.0
         while self.is_open and now < replay.duration:
             self.show(*replay.at(now))
-            shown = now
-            now = (time.perf_counter() - start) * self._speed
+            shown, now = now, (time.perf_counter() - start) * self._speed
             if now - shown < TICK:
                 time.sleep(TICK)
-                now = (time.perf_counter() - start) * self._speed
         if self.is_open:
             self.show(*replay.at(replay.duration))
 
     def close(self) -> None:
         """Close the window."""
         if self.window is not None:
-            self.window.close()
+            with for_windows():
+                self.window.close()
             self.window = None
-
-    def _listen(self) -> None:
-        """Let the window's user do things."""
-        if self.window is not None:
-            self.window.dispatch_events()
-            if self.window.has_exit:
-                self.close()
 
     def _redraw(self) -> None:
         if not self.is_open or self._shown is None:
