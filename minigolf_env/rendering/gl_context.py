@@ -11,8 +11,8 @@ import os
 import sys
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
-from typing import Any
+from contextlib import AbstractContextManager, contextmanager
+from typing import Any, Protocol
 
 from minigolf_env.rendering.errors import RenderingError
 
@@ -30,6 +30,14 @@ if sys.platform == "linux":
     os.environ.setdefault("PYOPENGL_PLATFORM", "egl")
 
 
+class Context(Protocol):
+    """An OpenGL context to draw in."""
+
+    def current(self) -> AbstractContextManager[None]:
+        """Make it current within a ``with`` block."""
+        ...
+
+
 class HeadlessContext:
     """An OpenGL 3.3 core context with no surface, to draw into framebuffer objects.
 
@@ -42,7 +50,7 @@ class HeadlessContext:
 
     def __init__(self) -> None:
         self._egl = _load_egl()
-        self._pid = os.getpid()
+        self._process = os.getpid()
         self._lock = threading.RLock()
         self._display, self._context = self._create()
 
@@ -53,11 +61,7 @@ class HeadlessContext:
         Raises:
             RenderingError: in a process that was forked from the one that made the context.
         """
-        if os.getpid() != self._pid:
-            raise RenderingError(
-                "rendering: expected the process that first rendered, received a fork of it, where OpenGL would hang; "
-                "start workers with the 'spawn' or 'forkserver' method, or render in the parent only after forking."
-            )
+        check_process(self._process)
         egl = self._egl
         with self._lock:
             before = (
@@ -121,6 +125,15 @@ class HeadlessContext:
         if not context:
             raise RenderingError("it has no OpenGL 3.3 core context")
         return context
+
+
+def check_process(process: int) -> None:
+    """Raise a RenderingError unless this is the process (an id) that made a context: in its forks OpenGL hangs."""
+    if os.getpid() != process:
+        raise RenderingError(
+            "rendering: expected the process that first rendered, received a fork of it, where OpenGL would hang; "
+            "start workers with the 'spawn' or 'forkserver' method, or render in the parent only after forking."
+        )
 
 
 def _load_egl() -> Any:

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import os
 import sys
+import threading
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from minigolf_env.courses import Course
 from minigolf_env.rendering.camera import Camera
 from minigolf_env.rendering.errors import RenderingError
 from minigolf_env.rendering.frame import Frame
-from minigolf_env.rendering.gl_context import INSTALL, for_windows
+from minigolf_env.rendering.gl_context import INSTALL, check_process, for_windows
 from minigolf_env.rendering.playback import Replay
 from minigolf_env.rendering.screen import Settings
 
@@ -88,6 +91,31 @@ class Window:
         size = self.window.get_framebuffer_size()
         self._renderer.draw(self._course, *self._shown, size, self._profile).show(*size)
         self.window.flip()
+
+
+class HiddenWindow:
+    """The context of a window that is never seen: for pictures where there is no EGL (macOS, Windows).
+
+    Raises:
+        RenderingError: there is no display, or no OpenGL on it.
+    """
+
+    def __init__(self) -> None:
+        self._process, self._lock = os.getpid(), threading.RLock()
+        with for_windows():
+            self._window = open_window((1, 1), "minigolf", visible=False)
+
+    @contextmanager
+    def current(self) -> Iterator[None]:
+        """Make it current within a ``with`` block.
+
+        Raises:
+            RenderingError: in a process that was forked from the one that made it.
+        """
+        check_process(self._process)
+        with self._lock, for_windows():
+            self._window.switch_to()
+            yield
 
 
 def open_window(size: tuple[int, int], caption: str, **options: Any) -> Any:

@@ -148,3 +148,22 @@ def test_windows_and_other_users_of_egl_live_together(display: str) -> None:
         print("together")
     """
     assert run(display, code) == "together"
+
+
+def test_a_hidden_window_draws_what_egl_draws(display: str) -> None:
+    """The way of systems without EGL, to the same bits."""
+    code = """
+        from minigolf_env.courses import load_course
+        from minigolf_env.rendering import still
+        from minigolf_env.rendering.offscreen import Studio, draw
+        from minigolf_env.rendering.window import HiddenWindow
+        course = load_course("dogleg")
+        camera, frame = still(course, "tee", 4 / 3, np.array([0.4, 0.6, 0.03]))
+        studio = Studio(HiddenWindow())
+        for profile in ("high", "fast", "fast"):
+            with studio.context.current():
+                picture = studio.draw((course, camera, (160, 120), profile), frame)
+            assert (picture == draw(course, camera, frame, (160, 120), profile)).all()
+        print("same")
+    """
+    assert run(display, code) == "same"
