@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-import sys
+import platform
 from collections import OrderedDict
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
@@ -95,7 +95,7 @@ class Studio:
 
 
 def _make_context() -> Context:
-    if sys.platform == "linux":
+    if platform.system() == "Linux":
         return HeadlessContext()
     from minigolf_env.rendering.window import HiddenWindow
 
