@@ -39,10 +39,10 @@ MP4 = (
     # H.264 halves the colours of each direction, so sides must be even: an odd one gets its last line twice.
     "-vf",
     "pad=ceil(iw/2)*2:ceil(ih/2)*2,fillborders=right={odd[0]}:bottom={odd[1]}:mode=smear,"
-    "scale=out_color_matrix=bt709:out_range=tv,format=yuv420p",
+    # The colours are made as the file then says: players guess otherwise.
+    "scale=out_color_matrix=bt709:out_range=tv,format=yuv420p,"
+    "setparams=colorspace=bt709:color_primaries=bt709:color_trc=bt709:range=tv",
     *("-c:v", "libx264", "-crf", "20"),
-    # The colours that the scale filter made, said in the file: players guess otherwise.
-    *("-colorspace", "bt709", "-color_primaries", "bt709", "-color_trc", "bt709", "-color_range", "tv"),
     # The index comes first, so that a browser plays before it has the whole file.
     *("-movflags", "+faststart", "-f", "mp4"),
 )
@@ -174,6 +174,9 @@ class Writer:
             _pipe(self._ffmpeg).write(np.ascontiguousarray(picture).data)
         except OSError as error:
             raise self._failure() from error
+        except BaseException:  # Ctrl-C: perhaps half a picture went out.
+            self.discard()
+            raise
         self.pictures += 1
 
     def close(self) -> None:
