@@ -20,7 +20,7 @@ RECORDABLE = ("rgb_array", "rgb_array_list")
 
 
 def cubes(episode: int) -> bool:
-    """Return whether an episode is 0, 1, 8, 27, ... 1000, 2000, ...: Gymnasium's schedule (its module asks for moviepy)."""
+    """Return whether an episode is 0, 1, 8, 27, ... 1000, 2000, ... as Gymnasium has it, in a module that asks for moviepy."""
     return round(episode ** (1 / 3)) ** 3 == episode if episode < 1000 else episode % 1000 == 0
 
 
