@@ -13,14 +13,15 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from minigolf_env.video import Writer, check_fps
+from minigolf_env.video import Writer
+from minigolf_env.video.writer import check_fps
 
 Trigger = Callable[[int], bool]
 RECORDABLE = ("rgb_array", "rgb_array_list")
 
 
 def cubes(episode: int) -> bool:
-    """Return whether an episode is 0, 1, 8, 27, ... 1000, 2000, ... as Gymnasium has it, in a module that asks for moviepy."""
+    """Return whether an episode is 0, 1, 8, 27, ... 1000, 2000, ... as Gymnasium, whose module asks for moviepy."""
     return round(episode ** (1 / 3)) ** 3 == episode if episode < 1000 else episode % 1000 == 0
 
 

@@ -1,29 +1,23 @@
-"""Videos: a file that takes one picture after another, and the film of a policy that plays a hole."""
+"""A video file that takes one picture after another."""
 
 from __future__ import annotations
 
 import contextlib
-import math
 import operator
 import os
 import subprocess
 import tempfile
-import time
 import uuid
 import weakref
 from pathlib import Path
 from types import TracebackType
-from typing import IO, Any, NamedTuple, Self
+from typing import IO, Any, Self
 
 import imageio_ffmpeg
 import numpy as np
 from numpy.typing import NDArray
-from tqdm import tqdm
 
-from minigolf_env.envs import MiniGolfEnv
 from minigolf_env.physics.checks import one_of
-from minigolf_env.policies import Policy, load_policy
-from minigolf_env.rendering import PAUSE, PROFILES
 
 Picture = NDArray[np.uint8]
 
@@ -52,79 +46,6 @@ GIF = (
     "split[a][b];[a]palettegen=stats_mode=full[p];[b][p]paletteuse=dither=bayer:bayer_scale=4:diff_mode=rectangle",
     *("-loop", "0", "-f", "gif"),
 )
-
-
-def film(
-    output: str | Path,
-    course: str = "dogleg",
-    policy: str | Path = "search",
-    *,
-    episodes: int = 1,
-    seed: int = 0,
-    camera: str = "follow",
-    size: tuple[int, int] = (640, 480),
-    fps: int = 30,
-    profile: str = "high",
-) -> None:
-    """Film a policy that plays a hole, and print a line about the file; a progress bar shows how far it is.
-
-    Args:
-        output: the file, .mp4 or .gif.
-        course: the hole, a name of ``minigolf_env.courses.list_courses()``.
-        policy: as for ``policies.load_policy``.
-        episodes: how often the hole is played, at least 1.
-        seed: of the first episode and the random policy; the next episode's is one more.
-        camera: a name of ``rendering.CAMERAS``.
-        size: width and height, pixels.
-        fps: pictures a second.
-        profile: a name of ``rendering.PROFILES``.
-
-    Raises:
-        ValueError: an argument is not what it should be; nothing was computed then.
-        FileNotFoundError, ImportError: as for ``policies.load_policy``.
-        OSError: the file cannot be written.
-        RenderingError: there is no OpenGL here.
-    """
-    started = time.perf_counter()
-    path = check_path(output)
-    fps, size = check_fps(fps, path), check_size(size)
-    _whole(episodes, 1, 1000, "episodes", "one has several putts.")
-    _whole(seed, 0, 2**63, "seed", "0 will do.")
-    one_of(profile, PROFILES, "profile")
-    player = load_policy(policy, seed)
-    # Each episode has its own environment, which remembers its putts: what is to be drawn is known before it is drawn.
-    stages = [MiniGolfEnv(course, "rgb_array_list", size, camera, profile) for _ in range(episodes)]
-    shows = [
-        _play(env, player, seed + k, fps) for k, env in enumerate(tqdm(stages, "Playing", leave=False, disable=None))
-    ]
-    total = sum(show.pictures for show in shows)
-    with Writer(path, size, fps) as writer, tqdm(total=total, desc="Filming", leave=False, disable=None) as bar:
-        for env in stages:
-            for picture in env.screen.film(fps):
-                writer.add(picture)
-                bar.update()
-    scores = ", ".join(f"{show.strokes}" if show.holed else f"{show.strokes} (not holed)" for show in shows)
-    print(
-        f"{output}: {writer.pictures / fps:.1f} s of {size[0]} x {size[1]}, {path.stat().st_size / 1e6:.2f} MB, "
-        f"strokes: {scores}; took {time.perf_counter() - started:.0f} s"
-    )
-
-
-class _Show(NamedTuple):
-    """What an episode came to."""
-
-    strokes: int
-    holed: bool
-    pictures: int
-
-
-def _play(env: MiniGolfEnv, player: Policy, seed: int, fps: int) -> _Show:
-    observation, info = env.reset(seed=seed)
-    over, pictures = False, 1
-    while not over:
-        observation, _, over, _, info = env.step(player.act(observation, env))
-        pictures += math.ceil((info["shot_time"] + PAUSE) * fps)
-    return _Show(info["strokes"], info["is_success"], pictures)
 
 
 class Writer:
@@ -252,11 +173,12 @@ def check_size(size: tuple[int, int]) -> tuple[int, int]:
 def check_fps(fps: int, path: Path) -> int:
     """Return pictures a second that a kind of file can have, or raise a ValueError."""
     if path.suffix.lower() == ".gif":
-        return _whole(fps, 1, GIF_FPS, "fps of a .gif", "an .mp4 takes more.")
-    return _whole(fps, 1, MP4_FPS, "fps", "30 is usual.")
+        return check_whole(fps, 1, GIF_FPS, "fps of a .gif", "an .mp4 takes more.")
+    return check_whole(fps, 1, MP4_FPS, "fps", "30 is usual.")
 
 
-def _whole(number: Any, least: int, most: int, what: str, remedy: str) -> int:
+def check_whole(number: Any, least: int, most: int, what: str, remedy: str) -> int:
+    """Return a whole number between bounds, or raise a ValueError."""
     if not (isinstance(number, (int, np.integer)) and least <= number <= most):
         raise ValueError(f"{what}: expected a whole number from {least} to {most}, received {number!r}; {remedy}")
     return int(number)
