@@ -114,7 +114,7 @@ class Recorder:
                 if self.name is None:
                     return
         except BaseException:
-            if self._writer is not None and not self._writer.discard.alive:
+            if self._writer is None or not self._writer.discard.alive:  # It failed, so this video is over.
                 self._writer = self.name = None
             raise
 
