@@ -54,24 +54,16 @@ def film(
     check_whole(seed, 0, 2**63, "seed", "0 will do.")
     one_of(profile, PROFILES, "profile")
     player = load_policy(policy, seed)
+    look = {"render_size": size, "camera": camera, "render_profile": profile}
     # Each episode has its own environment, which remembers its putts: what is to be drawn is known before it is drawn.
-    stages = [
-        MiniGolfEnv(course, "rgb_array_list", render_size=size, camera=camera, render_profile=profile)
-        for _ in range(episodes)
-    ]
-    shows = [
-        _play(env, player, seed + k, fps) for k, env in enumerate(tqdm(stages, "Playing", leave=False, disable=None))
-    ]
-    total = sum(show.pictures for show in shows)
-    with Writer(path, size, fps) as writer, tqdm(total=total, desc="Filming", leave=False, disable=None) as bar:
-        for env in stages:
-            for picture in env.screen.film(fps):
-                writer.add(picture)
-                bar.update()
-    scores = ", ".join(f"{show.strokes}" if show.holed else f"{show.strokes} (not holed)" for show in shows)
+    stages = [MiniGolfEnv(course, "rgb_array_list", **look) for _ in range(episodes)]
+    playing = tqdm(stages, "Playing", leave=False, disable=None)
+    shows = [_play(env, player, seed + k, fps) for k, env in enumerate(playing)]
+    with Writer(path, size, fps) as writer:
+        _draw(stages, writer, sum(show.pictures for show in shows))
     print(
         f"{output}: {writer.pictures / fps:.1f} s of {size[0]} x {size[1]}, {path.stat().st_size / 1e6:.2f} MB, "
-        f"strokes: {scores}; took {time.perf_counter() - started:.0f} s"
+        f"strokes: {', '.join(map(str, shows))}; took {time.perf_counter() - started:.0f} s"
     )
 
 
@@ -82,6 +74,9 @@ class _Show(NamedTuple):
     holed: bool
     pictures: int
 
+    def __str__(self) -> str:
+        return f"{self.strokes}" if self.holed else f"{self.strokes} (not holed)"
+
 
 def _play(env: MiniGolfEnv, player: Policy, seed: int, fps: int) -> _Show:
     observation, info = env.reset(seed=seed)
@@ -90,3 +85,11 @@ def _play(env: MiniGolfEnv, player: Policy, seed: int, fps: int) -> _Show:
         observation, _, over, _, info = env.step(player.act(observation, env))
         pictures += math.ceil((info["shot_time"] + PAUSE) * fps)
     return _Show(info["strokes"], info["is_success"], pictures)
+
+
+def _draw(stages: list[MiniGolfEnv], writer: Writer, total: int) -> None:
+    with tqdm(total=total, desc="Filming", leave=False, disable=None) as bar:
+        for env in stages:
+            for picture in env.screen.film(writer.fps):
+                writer.add(picture)
+                bar.update()

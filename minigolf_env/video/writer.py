@@ -41,9 +41,10 @@ MP4 = (
     *("-movflags", "+faststart", "-f", "mp4"),
 )
 GIF = (
-    # One palette for all pictures, and an ordered dither, which stays in place where nothing moves: small files.
+    # One palette for all pictures. Undithered: on the grain of grass and wood, dots only cost bytes (4 to 11 %) and
+    # closeness (3 to 4 dB).
     "-filter_complex",
-    "split[a][b];[a]palettegen=stats_mode=full[p];[b][p]paletteuse=dither=bayer:bayer_scale=4:diff_mode=rectangle",
+    "split[a][b];[a]palettegen=stats_mode=full[p];[b][p]paletteuse=dither=none:diff_mode=rectangle",
     *("-loop", "0", "-f", "gif"),
 )
 
