@@ -3,19 +3,14 @@
 import copy
 import math
 import pickle
-import sys
-import types
 from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
 import pytest
-from gymnasium.wrappers import RecordEpisodeStatistics, RenderCollection
-from numpy.typing import NDArray
 
-from minigolf_env.envs import MiniGolfEnv
-from minigolf_env.rendering import PAUSE, tile
+from minigolf_env.rendering import PAUSE
 from minigolf_env.wrappers import RecordVideo
 from minigolf_env.wrappers.vector import RecordVideo as RecordVectorVideo
 from tests.videos import decode
@@ -280,51 +275,3 @@ def test_vector_options(tmp_path: Path) -> None:
     first.close()
     assert decode(tmp_path / "rl-video-step-1.mp4", (3 * SIZE[0], SIZE[1])).shape[0] == 4
     assert len(decode(tmp_path / "first-episode-0.mp4", SIZE)) > length(info["shot_time"][0])
-
-
-def test_tile() -> None:
-    """Near a square, row by row, black where nothing is left; the shape of the whole can be asked for."""
-
-    def numbered(n: int, height: int = 2, width: int = 2) -> list[NDArray[np.uint8]]:
-        return [np.full((height, width, 3), k + 1, np.uint8) for k in range(n)]
-
-    grid = tile(numbered(3))
-    assert grid[::2, ::2, 0].tolist() == [[1, 2], [3, 0]]
-    shapes = {n: tile(numbered(n)).shape[:2] for n in (1, 2, 4, 9, 16)}
-    assert shapes[1] == (2, 2) and shapes[4] == (4, 4) and shapes[9] == (6, 6) and shapes[16] == (8, 8)
-    assert tile(numbered(4), aspect=4.0).shape == (2, 8, 3) and tile(numbered(4), aspect=0.25).shape == (8, 2, 3)
-    assert tile(numbered(2, 48, 64), aspect=2.6).shape == (48, 128, 3)
-    with pytest.raises(ValueError, match="at least one"):
-        tile([])
-    with pytest.raises(ValueError, match="one size"):
-        tile([*numbered(1), *numbered(1, 3)])
-
-
-def test_gymnasiums_own_wrappers_see_one_picture_a_step(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """RenderCollection, and both RecordVideo with a stand-in for moviepy, which encodes for them."""
-    lengths: list[int] = []
-
-    class Clip:
-        def __init__(self, frames: list[NDArray[np.uint8]], fps: int) -> None:
-            lengths.append(len(frames))
-
-        def write_videofile(self, path: str, logger: object) -> None:
-            Path(path).touch()
-
-    for name in ("moviepy", "moviepy.video", "moviepy.video.io", "moviepy.video.io.ImageSequenceClip"):
-        module = types.ModuleType(name)
-        monkeypatch.setitem(sys.modules, name, module)
-    module.ImageSequenceClip = Clip  # type: ignore[attr-defined]
-    env: Any = gym.wrappers.RecordVideo(RecordEpisodeStatistics(make()), str(tmp_path / "one"), always)
-    play(env, 2)
-    env.close()
-    many: Any = gym.wrappers.vector.RecordVideo(make_many(), str(tmp_path / "many"), episode_trigger=always)
-    many.reset(seed=0)
-    many.step(np.stack([WEAK] * 3))
-    many.close()
-    assert lengths == [3, 2]
-    assert names(tmp_path / "one") == names(tmp_path / "many") == ["rl-video-episode-0.mp4"]
-    collected: Any = RenderCollection(MiniGolfEnv(render_mode="rgb_array", tee="fixed", **LOOK))
-    collected.reset(seed=0)
-    collected.step(WEAK)
-    assert [picture.shape for picture in collected.render()] == [(48, 64, 3)] * 2
