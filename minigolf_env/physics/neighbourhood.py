@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minigolf_env.physics.bvh import is_on_path
-from minigolf_env.physics.kernel import inlined_kernel, kernel
+from minigolf_env.physics.kernel import entry_kernel, kernel
 from minigolf_env.physics.sweep import Collision, no_collision, sooner, sweep
 from minigolf_env.physics.swept_sphere import may_come_near
 from minigolf_env.physics.types import ZERO, RecordArray, Scene, Vec3
@@ -58,7 +58,7 @@ def no_neighbourhood() -> Neighbourhood:
     return Neighbourhood(cylinder, np.zeros(CAPACITY, np.int64), np.zeros(QUEUE, np.int64))
 
 
-@inlined_kernel
+@entry_kernel
 def sweep_near(scene: Scene, near: Neighbourhood, p: Vec3, w: Vec3) -> Collision:
     """Return what ``sweep`` returns, sooner."""
     inside = _holds(near, p) and _holds(near, add(p, w))
@@ -73,7 +73,7 @@ def sweep_near(scene: Scene, near: Neighbourhood, p: Vec3, w: Vec3) -> Collision
     return best
 
 
-@inlined_kernel
+@kernel
 def _holds(near: Neighbourhood, p: Vec3) -> bool:
     """Return whether the cylinder holds the point p."""
     cylinder = near.cylinder[0]

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from minigolf_env.physics.bvh import nearest_leaf, next_leaf_on_path, next_leaf_within
-from minigolf_env.physics.kernel import entry_kernel, inlined_kernel, kernel
+from minigolf_env.physics.kernel import entry_kernel, kernel
 from minigolf_env.physics.swept_sphere import MISS, offset, sweep_triangle
 from minigolf_env.physics.types import ZERO, RecordArray, Scene, Vec3
 from minigolf_env.physics.vec3 import dot, norm, scale
@@ -32,7 +32,7 @@ def no_collision() -> Collision:
     return Collision(MISS, Vec3(0.0, 0.0, 0.0), -1, -1)
 
 
-@inlined_kernel
+@kernel
 def earlier(new: Collision, old: Collision, w: Vec3) -> Collision:
     """Return the collision that counts: the smaller alpha, then the steeper approach, then the lower triangle.
 

@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 
-from minigolf_env.physics.kernel import inlined_kernel, kernel
+from minigolf_env.physics.kernel import kernel
 from minigolf_env.physics.types import Vec3
 from minigolf_env.physics.vec3 import add, along, dot, norm, scale, sub, vec3
 
@@ -107,13 +107,13 @@ def sweep_triangle(p: Vec3, w: Vec3, radius: float, eps: float, triangle: np.voi
     return t, normal
 
 
-@inlined_kernel
+@kernel
 def approaches(rate: float, w: Vec3) -> bool:
     """Return whether a distance that changes at this rate on the way w shrinks, by more than rounding."""
     return rate < 0.0 and rate * rate > PARALLEL * PARALLEL * dot(w, w)
 
 
-@inlined_kernel
+@kernel
 def _is_inside(x: float, y: float, speed_x: float, speed_y: float, t: float) -> bool:
     """Return whether the centre is above the face at time t, given its coordinates along the edges at 0."""
     x, y = x + t * speed_x, y + t * speed_y
