@@ -133,7 +133,7 @@ def _list_triangles(scene: Scene, near: Neighbourhood, p: Vec3, w: Vec3, reach: 
             count += int(_is_near(triangles[i], middle, half, reach))
         if size == 0:
             left = queue[done] + 1
-            right = nodes[left]["skip"]
+            right = first
             queue[waiting] = left
             waiting += int(is_on_path(nodes, left, middle, half, reach))
             queue[waiting] = right
