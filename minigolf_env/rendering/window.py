@@ -6,9 +6,12 @@ import os
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from minigolf_env.courses import Course
 from minigolf_env.rendering.camera import Camera
@@ -18,8 +21,13 @@ from minigolf_env.rendering.gl_context import INSTALL, check_process, for_window
 from minigolf_env.rendering.playback import Replay
 from minigolf_env.rendering.screen import Settings
 
+Picture = NDArray[np.uint8]
+
 SOFTWARE = ("llvmpipe", "softpipe", "swrast", "SwiftShader")
 """Names of renderers without a GPU."""
+
+NEEDED_BY = "window (of `minigolf play` or render_mode 'human')"
+"""What messages say of a window that cannot be opened."""
 
 TICK = 1.0 / 120.0
 """Frames are at least this far apart, s."""
@@ -31,16 +39,21 @@ class Window:
     Args:
         course: the course.
         settings: size, camera, profile and speed.
+        options: of pyglet's window.
 
     Raises:
         RenderingError: there is no display, or no OpenGL on it.
     """
 
-    def __init__(self, course: Course, settings: Settings) -> None:
-        self._course, self._speed = course, settings.speed
+    def __init__(self, course: Course, settings: Settings, **options: Any) -> None:
+        self.course = course
+        """What is shown; it may be changed."""
+        self.overlay: Callable[[], None] | None = None
+        """Called after each picture, to draw over it in the window's context."""
+        self._speed = settings.speed
         self._shown: tuple[Camera, Frame] | None = None
         with for_windows():
-            self.window = open_window(settings.size, f"minigolf: {course.name}")
+            self.window = open_window(settings.size, f"minigolf: {course.name}", **options)
             from minigolf_env.rendering.gl_renderer import Renderer, renderer_name
 
             self.window.switch_to()
@@ -56,14 +69,27 @@ class Window:
 
     def show(self, camera: Camera, frame: Frame) -> None:
         """Show a moment, and let the window's user do things."""
-        self._shown = camera, frame
+        self.draw(camera, frame)
         if not self.is_open:
             return
         with for_windows():
-            self._redraw()
             self.window.dispatch_events()
             if self.window.has_exit:
                 self.close()
+
+    def draw(self, camera: Camera, frame: Frame) -> None:
+        """Show a moment."""
+        self._shown = camera, frame
+        with for_windows():
+            self._redraw()
+
+    def picture(self, size: tuple[int, int]) -> Picture | None:
+        """Return what is shown, without the overlay, as a picture (height, width, 3); None if there is nothing."""
+        if not self.is_open or self._shown is None:
+            return None
+        with for_windows():
+            self.window.switch_to()
+            return self._renderer.draw(self.course, *self._shown, size, self._profile).read()
 
     def play(self, replay: Replay) -> None:
         """Show a putt, and return when it has ended or the window is closed."""
@@ -89,7 +115,11 @@ class Window:
             return
         self.window.switch_to()
         size = self.window.get_framebuffer_size()
-        self._renderer.draw(self._course, *self._shown, size, self._profile).show(*size)
+        if min(size) < 1:
+            return  # Put away.
+        self._renderer.draw(self.course, *self._shown, size, self._profile).show(*size)
+        if self.overlay is not None:
+            self.overlay()
         self.window.flip()
 
 
@@ -126,7 +156,7 @@ def open_window(size: tuple[int, int], caption: str, **options: Any) -> Any:
     """
     if sys.platform == "linux" and not os.environ.get("DISPLAY"):
         raise RenderingError(
-            "render_mode 'human': expected a display, found none (DISPLAY is not set); run on a desktop, under "
+            f"{NEEDED_BY}: expected a display, found none (DISPLAY is not set); run on a desktop, under "
             "`xvfb-run -s '-screen 0 1280x1024x24'` (apt-get install xvfb), or use render_mode='rgb_array'."
         )
     try:
@@ -140,5 +170,5 @@ def open_window(size: tuple[int, int], caption: str, **options: Any) -> Any:
         return pyglet.window.Window(*size, caption=caption, resizable=True, config=config, vsync=False, **options)
     except Exception as error:  # pyglet raises what its platform's libraries do.
         raise RenderingError(
-            f"render_mode 'human': no window can be opened: {type(error).__name__}: {error}. {INSTALL}"
+            f"{NEEDED_BY}: no window can be opened: {type(error).__name__}: {error}. {INSTALL}"
         ) from error
