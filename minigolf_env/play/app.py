@@ -11,9 +11,9 @@ import numpy as np
 import pyglet
 from numpy.typing import NDArray
 
-from minigolf_env.play import guides
 from minigolf_env.play.aim import Aim, from_drag, towards
 from minigolf_env.play.game import YOU, Game, Stroke
+from minigolf_env.play.guides import Guides
 from minigolf_env.play.hud import Hud
 from minigolf_env.play.record import FPS, Recorder, save_picture
 from minigolf_env.play.showing import Showing
@@ -70,6 +70,7 @@ class App:
         self.elevation = 0.0 if self.golf else ELEVATION
         self.recorder: Recorder | None = None
         self.last: Stroke | None = None
+        self._guides = Guides(play.course.ball_radius, flying=self.golf is None)
         self._hud = Hud(window.window)
         self._pool = ThreadPoolExecutor(1)
         self._thought: tuple[Future[Any], Callable[[Any], None]] | None = None
@@ -212,7 +213,7 @@ class App:
         self.wake()
 
     def _hinted(self, aim: Aim, way: FloatArray) -> None:
-        self._ghost = guides.ghost(way, self.play.course.ball_radius)
+        self._ghost = self._guides.ghost(way)
         self.say("Hint: Enter plays it")
         self.log("hint", x=aim.x, y=aim.y)
         self.take(aim)
@@ -299,12 +300,11 @@ class App:
     def _still(self) -> Frame:
         """Return the ball where it lies, with what helps to aim."""
         course, ball = self.play.course, self.play.shown
-        lines = self._ghost
+        lines, guides = self._ghost, self._guides
         if self.aim is not None:
             if self.path_shown:
-                reach = guides.reach(self.aim, course.ball_radius)
-                lines += guides.dashes(self.play.foresee(self.aim), course.ball_radius, reach)
-            lines += guides.arrow(ball, self.aim, course.ball_radius)
+                lines += guides.dashes(self.play.foresee(self.aim), self.aim)
+            lines += guides.arrow(ball, self.aim)
         return Frame(ball, self._turn, flag_foot(course, ball), lines)
 
     def _state(self) -> dict[str, Any]:

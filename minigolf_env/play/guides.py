@@ -39,49 +39,51 @@ def tint(power: float) -> tuple[float, float, float]:
     return colorsys.hsv_to_rgb((1.0 - power) * 0.36, 0.85, 0.95)
 
 
-def reach(aim: Aim, radius: float) -> float:
-    """Return how far from the ball's centre the arrow's head ends, m."""
-    return _unit(radius) * (SHORTEST + (LONGEST - SHORTEST) * aim.power)
+class Guides:
+    """Draws what helps to aim a ball.
 
+    Args:
+        radius: the ball's, m.
+        flying: whether it is thrown, so that bands follow its centre and not the ground below it.
+    """
 
-def arrow(ball: FloatArray, aim: Aim, radius: float) -> tuple[Line, ...]:
-    """Return the arrow from the ball (3,) where it is to go, longer and redder with its power."""
-    length, unit = reach(aim, radius), _unit(radius)
-    foot = ball if aim.elevation else _ground(ball, radius)
-    tail, neck, tip = (foot + aim.direction * along for along in (GAP * unit, length - HEAD * unit, length))
-    color = tint(aim.power)
-    shaft = Line(np.stack([tail, neck]), 1.5 * unit, (*color, 0.25), (*color, 0.95))
-    return shaft, Line(np.stack([neck, tip]), 4.4 * unit, (*color, 0.95), (*color, 0.95), taper=0.0)
+    def __init__(self, radius: float, flying: bool) -> None:
+        self._unit = min(radius, LARGEST_UNIT)
+        self._flying = flying
+        self._sunk = np.array([0.0, 0.0, 0.0 if flying else SUNK * radius])
 
+    def arrow(self, ball: FloatArray, aim: Aim) -> tuple[Line, ...]:
+        """Return the arrow from the ball (3,) where it is to go, longer and redder with its power."""
+        unit, length = self._unit, self._reach(aim)
+        foot = ball - self._sunk
+        tail, neck, tip = (foot + aim.direction * along for along in (GAP * unit, length - HEAD * unit, length))
+        color = tint(aim.power)
+        shaft = Line(np.stack([tail, neck]), 1.5 * unit, (*color, 0.25), (*color, 0.95))
+        return shaft, Line(np.stack([neck, tip]), 4.4 * unit, (*color, 0.95), (*color, 0.95), taper=0.0)
 
-def dashes(way: FloatArray, radius: float, first: float) -> tuple[Line, ...]:
-    """Return a way (K, 3) as dashes from ``first`` metres on, which fade with the distance."""
-    points = _ground(way, radius)
-    along, unit = _along(points), _unit(radius)
-    starts = np.arange(first + SPACE * unit, along[-1], (DASH + SPACE) * unit)[:MOST_DASHES]
-    lines = []
-    for k, start in enumerate(starts):
-        ends = np.array([start, min(start + DASH * unit, along[-1])])
-        alpha = 0.9 - 0.65 * k / max(len(starts), 12)
-        color: Color = (1.0, 1.0, 1.0, alpha)
-        lines.append(Line(_at(points, along, ends), 0.75 * unit, color, color))
-    return tuple(lines)
+    def dashes(self, way: FloatArray, aim: Aim) -> tuple[Line, ...]:
+        """Return the way (K, 3) that an aim leads to, as dashes that fade with the distance."""
+        points, unit = way - self._sunk, self._unit
+        along = _along(points)
+        first = 0.0 if self._flying else self._reach(aim)  # On the ground the arrow lies there.
+        starts = np.arange(first + SPACE * unit, along[-1], (DASH + SPACE) * unit)[:MOST_DASHES]
+        lines = []
+        for k, start in enumerate(starts):
+            ends = np.array([start, min(start + DASH * unit, along[-1])])
+            color: Color = (1.0, 1.0, 1.0, 0.9 - 0.65 * k / max(len(starts), 12))
+            lines.append(Line(_at(points, along, ends), 0.75 * unit, color, color))
+        return tuple(lines)
 
+    def ghost(self, way: FloatArray) -> tuple[Line, ...]:
+        """Return a way (K, 3) as the band of a hint."""
+        points = way - self._sunk
+        along = _along(points)
+        even = _at(points, along, np.linspace(0.0, along[-1], 160))
+        return (Line(even, 1.3 * self._unit, (*GHOST, 0.25), (*GHOST, 0.75)),)
 
-def ghost(way: FloatArray, radius: float) -> tuple[Line, ...]:
-    """Return a way (K, 3) as the band of a hint."""
-    points = _ground(way, radius)
-    along = _along(points)
-    even = _at(points, along, np.linspace(0.0, along[-1], 160))
-    return (Line(even, 1.3 * _unit(radius), (*GHOST, 0.25), (*GHOST, 0.75)),)
-
-
-def _unit(radius: float) -> float:
-    return min(radius, LARGEST_UNIT)
-
-
-def _ground(places: FloatArray, radius: float) -> FloatArray:
-    return np.asarray(places - np.array([0.0, 0.0, SUNK * radius]))
+    def _reach(self, aim: Aim) -> float:
+        """Return how far from the ball's centre the arrow's head ends, m."""
+        return self._unit * (SHORTEST + (LONGEST - SHORTEST) * aim.power)
 
 
 def _along(points: FloatArray) -> FloatArray:

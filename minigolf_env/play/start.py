@@ -10,12 +10,12 @@ from typing import Any
 from platformdirs import user_data_path
 
 from minigolf_env.courses import load_course
-from minigolf_env.envs.options import check_rendering
+from minigolf_env.physics.checks import one_of
 from minigolf_env.play.game import Game
 from minigolf_env.play.scores import BestScores
 from minigolf_env.play.throwing import Throwing
 from minigolf_env.policies import load_policy
-from minigolf_env.rendering import RENDER_MODES
+from minigolf_env.rendering import PROFILES, Settings
 
 SMALLEST = 320, 200
 """Least size of the window, pixels: what is written in it would not fit into a smaller one."""
@@ -43,7 +43,10 @@ def run(
         FileNotFoundError, ImportError: as for ``policies.load_policy``.
         RenderingError: there is no display, or no OpenGL on it.
     """
-    settings = check_rendering("human", RENDER_MODES, size, "follow", profile)
+    if size[0] < SMALLEST[0] or size[1] < SMALLEST[1]:
+        least = "{} {}".format(*SMALLEST)
+        raise ValueError(f"size: expected width and height of at least {least}, received {size}; give more pixels.")
+    settings = Settings("human", size, profile=one_of(profile, PROFILES, "profile"))
     golf = load_course(course)
     if opponent is not None and golf.cup is None:
         raise ValueError(f"opponent: expected none on {golf.name!r}, which has no hole to play, received {opponent!r}.")
