@@ -15,11 +15,11 @@ from minigolf_env.play.aim import Aim, from_drag, towards
 from minigolf_env.play.game import YOU, Game, Stroke
 from minigolf_env.play.guides import Guides
 from minigolf_env.play.hud import Hud
-from minigolf_env.play.record import FPS, Recorder, save_picture
+from minigolf_env.play.record import FPS, WIDEST, Recorder, save_picture
 from minigolf_env.play.showing import Showing
 from minigolf_env.play.throwing import Throwing
 from minigolf_env.play.view import View
-from minigolf_env.play.words import facts
+from minigolf_env.play.words import facts, report
 from minigolf_env.rendering import Camera, Frame, Line
 from minigolf_env.rendering.camera import follow_view
 from minigolf_env.rendering.playback import Replay, flag_foot
@@ -43,9 +43,6 @@ NEWS = {
 }
 """What is said of strokes that went wrong."""
 
-WIDEST = 80
-"""Letters of a message at most."""
-
 Log = Callable[..., None]
 FloatArray = NDArray[np.float64]
 
@@ -68,9 +65,8 @@ class App:
         self.message = "Drag back anywhere and release" if self.golf else "Drag back and release to throw"
         self.card_shown, self.path_shown = False, True
         self.elevation = 0.0 if self.golf else ELEVATION
-        self.recorder: Recorder | None = None
+        self.recorder = Recorder()
         self.last: Stroke | None = None
-        self._guides = Guides(play.course.ball_radius, flying=self.golf is None)
         self._hud = Hud(window.window)
         self._pool = ThreadPoolExecutor(1)
         self._thought: tuple[Future[Any], Callable[[Any], None]] | None = None
@@ -90,8 +86,7 @@ class App:
         finally:
             self.log("closed")
             self._pool.shutdown(cancel_futures=True)
-            if self.recorder is not None:
-                self.recorder.close()
+            self.recorder.close()
             self.window.close()
 
     @property
@@ -104,6 +99,10 @@ class App:
         """Whether a stroke is on its way, or the opponent's turn."""
         return self._showing is not None or bool(self.golf and self.golf.awaits_rival)
 
+    @property
+    def _guides(self) -> Guides:
+        return Guides(self.play.course.ball_radius, flying=self.golf is None)
+
     def wake(self) -> None:
         """Have the window drawn again soon, and go on as long as something moves."""
         self._changed = True
@@ -113,8 +112,10 @@ class App:
 
     def pull(self, drag: tuple[float, float]) -> None:
         """Aim by a drag, pixels of the window."""
-        self.aim = from_drag(self.view.camera, self.play.ball, drag, self.window.window.get_size(), self.elevation)
-        self.wake()
+        if self.is_ready:
+            size = self.window.window.get_size()
+            self.aim = from_drag(self.view.camera, self.play.ball, drag, size, self.elevation)
+            self.wake()
 
     def nudge(self, degrees: float = 0.0, power: float = 0.0, elevation: float = 0.0) -> None:
         """Aim by keys."""
@@ -145,8 +146,9 @@ class App:
     def replay(self) -> None:
         """Show the last stroke again, slowly."""
         if self.last is not None and not self.is_busy:
-            message, self.message = self.message, "Replay"
-            self._show(self.last, SLOW, lambda: self.say(message))
+            before = self.message, self.card_shown
+            self.message, self.view.base = "Replay", None
+            self._show(self.last, SLOW, lambda: self._replayed(*before))
 
     def skip(self) -> None:
         """Go to the end of what is shown."""
@@ -179,16 +181,8 @@ class App:
 
     def record(self) -> None:
         """Begin a film, or end it."""
-        try:
-            if self.recorder is None:
-                self.recorder = Recorder(f"minigolf-{self.play.course.name}", self.window.window.get_framebuffer_size())
-                self.say(f"The next putts are filmed: {self.recorder.path}")
-            else:
-                recorder, self.recorder = self.recorder, None
-                recorder.close()
-                self.say(f"Film written: {recorder.path}")
-        except (OSError, ImportError, RuntimeError, ValueError) as error:
-            self.say(f"No film: {error}"[:WIDEST])
+        self.say(self.recorder.switch(self.play.course.name, self.window.window.get_framebuffer_size()))
+        self.log("film", on=self.recorder.is_on)
 
     def picture(self) -> None:
         """Save what the window shows."""
@@ -202,6 +196,11 @@ class App:
         """Write a message over the picture."""
         self.message = message
         self.wake()
+
+    def _replayed(self, message: str, card_shown: bool) -> None:
+        self.card_shown = card_shown
+        self.say(message)
+        self.log("replayed")
 
     def _forget(self) -> None:
         """Forget what belongs to a ball that is no more where it was."""
@@ -264,7 +263,7 @@ class App:
         if not moves and not self._changed and self._thought is None and self._showing is None:
             pyglet.clock.unschedule(self._tick)
             self._ticking = False
-            self.log("idle", **self._state())
+            self.log("idle", **report(self))
 
     def _advance(self, elapsed: float) -> bool:
         """Let time pass, s; return whether what is seen moves."""
@@ -276,7 +275,7 @@ class App:
         return self.view.chase(self._wanted(), elapsed)
 
     def _advance_stroke(self, showing: Showing) -> bool:
-        if not showing.advance(FPS if self.recorder is not None else None):
+        if not showing.advance(FPS if self.recorder.is_on else None):
             return False
         self.view.base = showing.replay.camera(showing.time)
         if showing.is_over:
@@ -294,8 +293,8 @@ class App:
         showing = self._showing
         frame = self._still() if showing is None else showing.replay.frame(showing.time)
         self.window.draw(self.view.camera, frame)
-        if showing is not None and self.recorder is not None:
-            self.recorder.add(self.window.picture(self.recorder.size))
+        if showing is not None and self.recorder.is_on:
+            self.message = self.recorder.add(self.window) or self.message
 
     def _still(self) -> Frame:
         """Return the ball where it lies, with what helps to aim."""
@@ -306,10 +305,3 @@ class App:
                 lines += guides.dashes(self.play.foresee(self.aim), self.aim)
             lines += guides.arrow(ball, self.aim)
         return Frame(ball, self._turn, flag_foot(course, ball), lines)
-
-    def _state(self) -> dict[str, Any]:
-        """Return what the log says of a window in which nothing moves."""
-        width, height = self.window.window.get_size()
-        x, y, _, w = self.view.camera.clip_from_world(width / height) @ np.append(self.play.shown, 1.0)
-        at = [round((x / w + 1.0) * width / 2.0), round((1.0 - y / w) * height / 2.0)]
-        return {"size": [width, height], "ball": at, "ready": self.is_ready, "strokes": self.play.strokes}

@@ -6,40 +6,67 @@ import itertools
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pyglet
-from numpy.typing import NDArray
+
+from minigolf_env.rendering.window import Window
 
 FPS = 30
 """Pictures a second of a film."""
 
 
+FAULTS = (ImportError, OSError, RuntimeError, ValueError)
+"""What encoders raise: the disk is full, the folder is not writable, the program is missing."""
+
+WIDEST = 80
+"""Letters of a message at most."""
+
+
 class Recorder:
-    """A film that grows with each putt. The file is made at once; the folder is the present one.
+    """Films putts, from when it is switched on to when it is switched off, into a file in the present folder."""
 
-    Args:
-        stem: how the file's name begins.
-        size: of the pictures, pixels; made even, as encoders ask for.
+    def __init__(self) -> None:
+        self._writer: Any = None
+        self._path = Path()
+        self._size = 0, 0
 
-    Raises:
-        OSError, ImportError: the file cannot be written.
-    """
+    @property
+    def is_on(self) -> bool:
+        """Whether putts are filmed."""
+        return self._writer is not None
 
-    def __init__(self, stem: str, size: tuple[int, int]) -> None:
-        from minigolf_env.video import Writer
+    def switch(self, name: str, size: tuple[int, int]) -> str:
+        """Begin a film of a course's name and a size (made even, as encoders ask for), or end it; return what to say."""
+        if self._writer is not None:
+            return self.close()
+        try:
+            from minigolf_env.video import Writer
 
-        self.size = size[0] // 2 * 2, size[1] // 2 * 2
-        self.path = _unused(stem, "mp4")
-        self._writer: Any = Writer(self.path, self.size, FPS)
+            self._size = size[0] // 2 * 2, size[1] // 2 * 2
+            self._path = _unused(f"minigolf-{name}", "mp4")
+            self._writer = Writer(self._path, self._size, FPS)
+        except FAULTS as error:
+            return f"No film: {error}"[:WIDEST]
+        return f"The next putts are filmed: {self._path}"
 
-    def add(self, picture: NDArray[np.uint8] | None) -> None:
-        """Add a picture (height, width, 3)."""
-        if picture is not None:
-            self._writer.add(picture)
+    def add(self, window: Window) -> str:
+        """Add what a window shows; return what to say if that fails."""
+        try:
+            self._writer.add(window.picture(self._size))
+        except FAULTS as error:
+            self._writer = None
+            return f"The film ends: {error}"[:WIDEST]
+        return ""
 
-    def close(self) -> None:
-        """Finish the file."""
-        self._writer.close()
+    def close(self) -> str:
+        """Finish the film, if there is one; return what to say."""
+        writer, self._writer = self._writer, None
+        if writer is None:
+            return ""
+        try:
+            writer.close()
+        except FAULTS as error:
+            return f"No film: {error}"[:WIDEST]
+        return f"Film written: {self._path}"
 
 
 def save_picture() -> Path:

@@ -120,7 +120,7 @@ class BestScores:
             return self._set_aside(error)
         try:
             return _checked(json.loads(text))
-        except ValueError as error:
+        except (ValueError, RecursionError) as error:
             return self._set_aside(error)
 
     def _set_aside(self, error: Exception) -> dict[str, int]:

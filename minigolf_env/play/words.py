@@ -1,8 +1,10 @@
-"""What the display says at a moment of the game."""
+"""What the display, and the log, say at a moment of the game."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from minigolf_env.play.game import Game
 from minigolf_env.play.hud import Facts
@@ -35,8 +37,16 @@ def facts(app: App) -> Facts:
         power=None if aim is None else aim.power,
         meter=meter,
         message=app.message,
-        recording=app.recorder is not None,
+        recording=app.recorder.is_on,
     )
+
+
+def report(app: App) -> dict[str, Any]:
+    """Return what the log says of a window in which nothing moves: "ball" is where the mouse finds it, pixels."""
+    width, height = app.window.window.get_size()
+    x, y, _, w = app.view.camera.clip_from_world(width / height) @ np.append(app.play.shown, 1.0)
+    at = [round((x / w + 1.0) * width / 2.0), round((1.0 - y / w) * height / 2.0)]
+    return {"size": [width, height], "ball": at, "ready": app.is_ready, "strokes": app.play.strokes}
 
 
 def _golf(app: App, game: Game) -> Facts:
