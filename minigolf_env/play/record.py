@@ -35,7 +35,7 @@ class Recorder:
         return self._writer is not None
 
     def switch(self, name: str, size: tuple[int, int]) -> str:
-        """Begin a film of a course's name and a size (made even, as encoders ask for), or end it; return what to say."""
+        """Begin a film of a course, of a size made even as encoders ask for, or end it; return what to say."""
         if self._writer is not None:
             return self.close()
         try:

@@ -43,10 +43,12 @@ class Player:
         display: where it is shown.
         folder: its present folder, and where its scores are kept.
         arguments: of ``minigolf play``.
+        environment: more environment variables.
     """
 
-    def __init__(self, display: str, folder: Path, *arguments: str) -> None:
-        self._environment = {**os.environ, "DISPLAY": display, "XDG_DATA_HOME": str(folder / "data")}
+    def __init__(self, display: str, folder: Path, *arguments: str, **environment: str) -> None:
+        self._display = display
+        self._environment = {**os.environ, "DISPLAY": display, "XDG_DATA_HOME": str(folder / "data"), **environment}
         command = [sys.executable, "-m", "minigolf_env.play", "--log", *arguments]
         self._errors = (folder / "stderr").open("w+")
         root = str(Path(__file__).parents[2])
@@ -55,7 +57,10 @@ class Player:
             command, cwd=folder, env=self._environment, stdout=subprocess.PIPE, stderr=self._errors, text=True
         )
         self._events: queue.Queue[dict[str, Any]] = queue.Queue()
-        threading.Thread(target=self._listen, daemon=True).start()
+        self.seen: list[dict[str, Any]] = []
+        """Events so far."""
+        self._listener = threading.Thread(target=self._listen)
+        self._listener.start()
 
     def __enter__(self) -> Player:
         return self
@@ -63,21 +68,21 @@ class Player:
     def __exit__(self, *_: object) -> None:
         self.process.kill()
         self.process.wait()
+        self._listener.join()
         self._errors.close()
 
     def wait(self, event: str, **facts: Any) -> dict[str, Any]:
         """Return the next event of a name and with some facts; others are passed over."""
         deadline = time.monotonic() + PATIENCE
-        seen = []
         while (time.monotonic() < deadline and self.process.poll() is None) or not self._events.empty():
             try:
                 got = self._events.get(timeout=1.0)
             except queue.Empty:
                 continue
-            seen.append(got)
+            self.seen.append(got)
             if got["event"] == event and all(got.get(name) == value for name, value in facts.items()):
                 return got
-        raise AssertionError(f"no {event} {facts} among {seen}; the game says: {self.errors()}")
+        raise AssertionError(f"no {event} {facts} in {self.seen[-20:]}; the game says: {self.errors()}")
 
     def do(self, *words: object) -> None:
         """Run an xdotool command."""
@@ -95,6 +100,23 @@ class Player:
         """Return the window's number."""
         return self._xdotool("search", "--name", "minigolf").split()[0]
 
+    def close(self) -> None:
+        """Ask the window to close, as a window manager does."""
+        from pyglet.libs.x11 import xlib
+
+        server = xlib.XOpenDisplay(self._display.encode())
+        event = xlib.XEvent()
+        event.xclient.type, event.xclient.window, event.xclient.format = xlib.ClientMessage, int(self.window()), 32
+        event.xclient.message_type = xlib.XInternAtom(server, b"WM_PROTOCOLS", False)
+        event.xclient.data.l[0] = xlib.XInternAtom(server, b"WM_DELETE_WINDOW", False)
+        xlib.XSendEvent(server, event.xclient.window, False, 0, event)
+        xlib.XCloseDisplay(server)
+
+    def cpu(self) -> float:
+        """Return the processor time that the game has taken, s."""
+        user, system = Path(f"/proc/{self.process.pid}/stat").read_text().rsplit(")", 1)[1].split()[11:13]
+        return (int(user) + int(system)) / os.sysconf("SC_CLK_TCK")
+
     def ended(self) -> int:
         """Wait for the end of the game and return its exit code."""
         return self.process.wait(PATIENCE)
@@ -109,5 +131,6 @@ class Player:
 
     def _listen(self) -> None:
         assert self.process.stdout is not None
-        for line in self.process.stdout:
-            self._events.put(json.loads(line))
+        with self.process.stdout as lines:
+            for line in lines:
+                self._events.put(json.loads(line))
