@@ -19,7 +19,7 @@ from minigolf_env.play.record import FPS, WIDEST, Recorder, save_picture
 from minigolf_env.play.showing import Showing
 from minigolf_env.play.throwing import Throwing
 from minigolf_env.play.view import View
-from minigolf_env.play.words import facts, report
+from minigolf_env.play.words import NEWS, facts, report
 from minigolf_env.rendering import Camera, Frame, Line
 from minigolf_env.rendering.camera import follow_view
 from minigolf_env.rendering.playback import Replay, flag_foot
@@ -36,12 +36,6 @@ FIRST_POWER = 0.3
 
 ELEVATION = 30.0
 """Of a throw at first, degrees."""
-
-NEWS = {
-    "out_of_bounds": "Out of bounds: again from the same place",
-    "time_limit": "It would not come to rest: again from the same place",
-}
-"""What is said of strokes that went wrong."""
 
 Log = Callable[..., None]
 FloatArray = NDArray[np.float64]
@@ -218,13 +212,12 @@ class App:
         self.take(aim)
 
     def _show(self, stroke: Stroke, pace: float, then: Callable[[], None]) -> None:
-        width, height = self.window.window.get_framebuffer_size()
         replay = Replay(
             self.play.course,
             stroke.path,
             stroke.times,
             "follow",
-            width / height,
+            self._aspect,
             turn=self._turn,
             lies=stroke.lies,
             before=self.view.base,
@@ -284,9 +277,13 @@ class App:
             showing.then()
         return True
 
+    @property
+    def _aspect(self) -> float:
+        width, height = self.window.window.get_size()
+        return float(max(width, 1) / max(height, 1))  # A window put away has no size.
+
     def _wanted(self) -> Camera:
-        width, height = self.window.window.get_framebuffer_size()
-        return follow_view(self.play.course, self.play.shown, width / height)
+        return follow_view(self.play.course, self.play.shown, self._aspect)
 
     def _draw(self) -> None:
         self._changed = False

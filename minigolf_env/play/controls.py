@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 
 import pyglet
@@ -17,6 +18,9 @@ POWER, FINE_POWER = 0.02, 0.005
 
 ELEVATION = 5.0
 """Degrees by which a key raises a throw."""
+
+DESTROYED = 17
+"""X11's number of the event DestroyNotify."""
 
 ORBIT = 40.0
 """Pixels of a drag that a key turns the camera like."""
@@ -35,6 +39,9 @@ class Controls:
         self._held = key.KeyStateHandler()
         app.window.window.push_handlers(self)
         app.window.window.push_handlers(self._held)
+        if sys.platform == "linux":
+            # pyglet overlooks that another program destroys the window, and would crash at the next picture.
+            app.window.window._event_handlers[DESTROYED] = lambda event: self.on_close()
         self._keys: dict[int, Callable[[], object]] = {
             key.SPACE: self._go,
             key.ENTER: self._go,

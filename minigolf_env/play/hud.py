@@ -35,8 +35,8 @@ METER = 300.0, 12.0
 NOTCHES = 40
 """Pieces of the meter, each of one colour."""
 
-ROW = 28.0
-"""Height of a row of the score card."""
+ROW, CARD_MARGIN = 28.0, 70.0
+"""Height of a row of the score card, and what is left free above and below the card."""
 
 
 class Facts(NamedTuple):
@@ -143,8 +143,8 @@ class Hud:
             ("status", (facts.title, facts.lines, facts.recording), _status),
             ("meter", (facts.power, facts.meter), _meter),
             ("help", facts.help, _help),
-            ("message", facts.message, _message),
-            ("card", (facts.card, facts.footer), _card),
+            ("message", (facts.message, bool(facts.card)), _message),
+            ("card", (facts.card, facts.footer, facts.message), _card),
         ):
             self._sheet(name, (key, size), lay_out, facts).batch.draw()
 
@@ -219,7 +219,9 @@ def _help(sheet: Sheet, facts: Facts, width: float, height: float) -> None:
 
 
 def _message(sheet: Sheet, facts: Facts, width: float, height: float) -> None:
-    """Lay out the message in the middle, above."""
+    """Lay out the message in the middle, above; the score card has it as its heading."""
+    if facts.card:
+        return
     u = sheet.unit
     middle = height - 92.0 * u
     wide = sheet.text(facts.message, width / 2.0, middle, 22.0, bold=True, anchor="center")
@@ -228,28 +230,31 @@ def _message(sheet: Sheet, facts: Facts, width: float, height: float) -> None:
 
 
 def _card(sheet: Sheet, facts: Facts, width: float, height: float) -> None:
-    """Lay out the score card in the middle."""
+    """Lay out the score card in the middle; many holes make its rows lower."""
     if not facts.card:
         return
     u = sheet.unit
+    row = min(ROW * u, (height - 2.0 * CARD_MARGIN * u) / (len(facts.card) + 2))
+    size = row / (ROW * u)
     columns = [
-        max(90.0 if k else 150.0, 30.0 + 9.5 * max(map(len, cells))) * u for k, cells in enumerate(zip(*facts.card))
+        max(90.0 if k else 150.0, 30.0 + 9.5 * max(map(len, cells))) * u
+        for k, cells in enumerate(zip(*facts.card, strict=True))
     ]
-    wide, high = sum(columns) + 2.0 * PAD * u, (ROW * (len(facts.card) + 2) + 2.0 * PAD) * u
+    wide, high = sum(columns) + 2.0 * PAD * u, row * (len(facts.card) + 2) + 2.0 * PAD * u
     left, top = (width - wide) / 2.0, (height + high) / 2.0
     sheet.panel(left, top - high, wide, high, DARKER)
-    y = top - (PAD + 0.6 * ROW) * u
-    sheet.text("Score card", width / 2.0, y, 17.0, bold=True, anchor="center")
-    for k, row in enumerate(facts.card):
-        y -= ROW * u
+    y = top - PAD * u - 0.6 * row
+    sheet.text(facts.message or "Score card", width / 2.0, y, 17.0 * size, bold=True, anchor="center")
+    for k, cells in enumerate(facts.card):
+        y -= row
         head, total = k == 0, k == len(facts.card) - 1
         if head or total:
-            line = y - 0.5 * ROW * u if head else y + 0.5 * ROW * u
+            line = y - 0.5 * row if head else y + 0.5 * row
             sheet.box(left + PAD * u, line, wide - 2.0 * PAD * u, max(1.0, u), (255, 255, 255, 90))
         x = left + PAD * u
-        for column, (cell, span) in enumerate(zip(row, columns, strict=True)):
+        for column, (cell, span) in enumerate(zip(cells, columns, strict=True)):
             color = GREY if head else GOLD if column == len(columns) - 1 else WHITE
             at = x + 8.0 * u if column == 0 else x + span / 2.0
-            sheet.text(cell, at, y, 14.0, color, head or total, "left" if column == 0 else "center")
+            sheet.text(cell, at, y, 14.0 * size, color, head or total, "left" if column == 0 else "center")
             x += span
-    sheet.text(facts.footer, width / 2.0, y - ROW * u, 12.5, GREY, anchor="center")
+    sheet.text(facts.footer, width / 2.0, y - row, 12.5 * size, GREY, anchor="center")

@@ -13,15 +13,21 @@ from minigolf_env.play.scores import title
 if TYPE_CHECKING:
     from minigolf_env.play.app import App
 
+NEWS = {
+    "out_of_bounds": "Out of bounds: again from the same place",
+    "time_limit": "It would not come to rest: again from the same place",
+}
+"""What is said of strokes that went wrong."""
+
 GOLF_HELP = (
-    "Drag back and release: putt  ·  Arrow keys (Shift: fine), Enter: without a mouse  ·  Right-drag and wheel: look",
+    "Drag back and release: putt  ·  Arrows (Shift: fine), Enter: without a mouse  ·  Right-drag, wheel or A, D: look",
     "H hint  ·  P path  ·  R replay  ·  Z undo  ·  N next hole  ·  Tab card  ·  V film  ·  C camera  ·  F full screen"
     "  ·  Esc quit",
 )
 THROW_HELP = (
-    "Drag back and release: throw  ·  W and S, or Shift and wheel: elevation  ·  Arrow keys (Shift: fine) and Enter:"
+    "Drag back and release: throw  ·  W and S, or Shift and wheel: elevation  ·  Arrows (Shift: fine) and Enter:"
     " without a mouse",
-    "Right-drag and wheel: look  ·  P path  ·  R replay  ·  V film  ·  C camera  ·  F full screen  ·  Esc quit",
+    "Right-drag, wheel or A, D: look  ·  P path  ·  R replay  ·  V film  ·  C camera  ·  F full screen  ·  Esc quit",
 )
 
 

@@ -138,7 +138,8 @@ def test_the_room(display: str, tmp_path: Path) -> None:
         player.wait("putt")
         player.key("space")
         player.wait("rest", strokes=1)
-        player.key("Escape")
+        player.wait("idle")
+        player.do("windowclose", player.window())  # Destroys it from outside.
         assert player.ended() == 0, player.errors()
 
 
