@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pyglet
-from numpy.typing import NDArray
 
 from minigolf_env.play.aim import Aim, from_drag, towards
 from minigolf_env.play.game import YOU, Game, Stroke
@@ -34,11 +33,7 @@ SLOW = 0.25
 FIRST_POWER = 0.3
 """Share of the top speed with which aiming by keys begins."""
 
-ELEVATION = 30.0
-"""Of a throw at first, degrees."""
-
 Log = Callable[..., None]
-FloatArray = NDArray[np.float64]
 
 
 class App:
@@ -58,7 +53,7 @@ class App:
         self.aim: Aim | None = None
         self.message = "Drag back anywhere and release" if self.golf else "Drag back and release to throw"
         self.card_shown, self.path_shown = False, True
-        self.elevation = 0.0 if self.golf else ELEVATION
+        self.elevation = play.elevation
         self.recorder = Recorder()
         self.last: Stroke | None = None
         self._hud = Hud(window.window)
@@ -171,7 +166,7 @@ class App:
         if self.golf and self.is_ready and self._thought is None:
             self.say("Thinking ...")
             golf = self.golf
-            self._think(golf.hint, lambda aim: self._hinted(aim, golf.way(aim)))
+            self._think(golf.hint, lambda aim: self._hinted(aim, self._guides.ghost(golf.way(aim))))
 
     def record(self) -> None:
         """Begin a film, or end it."""
@@ -205,8 +200,8 @@ class App:
         self._thought = self._pool.submit(work), then
         self.wake()
 
-    def _hinted(self, aim: Aim, way: FloatArray) -> None:
-        self._ghost = self._guides.ghost(way)
+    def _hinted(self, aim: Aim, ghost: tuple[Line, ...]) -> None:
+        self._ghost = ghost
         self.say("Hint: Enter plays it")
         self.log("hint", x=aim.x, y=aim.y)
         self.take(aim)

@@ -60,6 +60,9 @@ class Game:
         ValueError: there is no such hole.
     """
 
+    elevation = 0.0
+    """Of strokes above the horizon at first, degrees: putts roll."""
+
     def __init__(self, hole: str, best: BestScores, opponent: Policy | None = None, rival: str = "opponent") -> None:
         holes = list_courses()
         self.holes = holes if hole in holes else [hole]

@@ -22,6 +22,9 @@ class Throwing:
         course: the course.
     """
 
+    elevation = 30.0
+    """Of throws above the horizon at first, degrees."""
+
     def __init__(self, course: Course) -> None:
         self.course = course
         self.top_speed = course.top_speed
