@@ -18,6 +18,9 @@ CANCEL, REACH = 0.025, 0.4
 WEAKEST = 0.01
 """Least power that keys give, so that the aim keeps its direction."""
 
+FIRST_POWER = 0.3
+"""Share of the top speed with which aiming by keys begins."""
+
 
 @dataclass(frozen=True)
 class Aim:
@@ -75,7 +78,7 @@ def from_drag(
     return Aim(way[0] * power, way[1] * power, elevation)
 
 
-def towards(camera: Camera, power: float, elevation: float = 0.0) -> Aim:
+def towards(camera: Camera, power: float = FIRST_POWER, elevation: float = 0.0) -> Aim:
     """Return the aim along the line of sight."""
     x, y = camera.target[0] - camera.eye[0], camera.target[1] - camera.eye[1]
     length = max(math.hypot(x, y), 1e-9)

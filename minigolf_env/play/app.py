@@ -14,8 +14,8 @@ from minigolf_env.play.aim import Aim, from_drag, towards
 from minigolf_env.play.game import YOU, Game, Stroke
 from minigolf_env.play.guides import Guides
 from minigolf_env.play.hud import Hud
-from minigolf_env.play.record import FPS, WIDEST, Recorder, save_picture
-from minigolf_env.play.showing import Showing
+from minigolf_env.play.record import FPS, Recorder, save_picture
+from minigolf_env.play.showing import SLOW, Showing
 from minigolf_env.play.throwing import Throwing
 from minigolf_env.play.view import View
 from minigolf_env.play.words import NEWS, facts, report
@@ -26,12 +26,6 @@ from minigolf_env.rendering.window import Window
 
 TICK = 1.0 / 60.0
 """Pictures are at least this far apart, s."""
-
-SLOW = 0.25
-"""Speed of a replay."""
-
-FIRST_POWER = 0.3
-"""Share of the top speed with which aiming by keys begins."""
 
 Log = Callable[..., None]
 
@@ -63,11 +57,12 @@ class App:
         self._ghost: tuple[Line, ...] = ()
         self._turn = np.eye(3)
         self._changed, self._ticking, self._ticked = True, False, 0.0
-        window.overlay = lambda: self._hud.draw(facts(self))
+        self._wants_picture = False
+        window.overlay = self._write
 
     def run(self) -> None:
         """Play until the window is closed."""
-        self.play.foresee(towards(self._wanted(), FIRST_POWER, self.elevation))  # Compiles what is not yet.
+        self.play.foresee(towards(self._wanted(), elevation=self.elevation))  # Compiles what is not yet.
         self.window.window.set_visible(True)
         self.wake()
         try:
@@ -111,7 +106,7 @@ class App:
         if not self.is_ready:
             return
         self.elevation = min(85.0, max(0.0, self.elevation + elevation))
-        aim = self.aim or towards(self.view.camera, FIRST_POWER, self.elevation)
+        aim = self.aim or towards(self.view.camera, elevation=self.elevation)
         aim = aim.turned(degrees).stronger(power) if degrees or power else aim
         self.take(Aim(aim.x, aim.y, self.elevation))
 
@@ -175,11 +170,8 @@ class App:
 
     def picture(self) -> None:
         """Save what the window shows."""
-        self._draw()
-        try:
-            self.log("picture", path=str(save_picture()))
-        except OSError as error:
-            self.say(f"No picture: {error}"[:WIDEST])
+        self._wants_picture = True
+        self.wake()
 
     def say(self, message: str) -> None:
         """Write a message over the picture."""
@@ -287,6 +279,14 @@ class App:
         self.window.draw(self.view.camera, frame)
         if showing is not None and self.recorder.is_on:
             self.message = self.recorder.add(self.window) or self.message
+
+    def _write(self) -> None:
+        """Write over a picture that is not yet seen."""
+        self._hud.draw(facts(self))
+        if self._wants_picture:
+            self._wants_picture = False
+            self.say(save_picture())
+            self.log("picture", said=self.message)
 
     def _still(self) -> Frame:
         """Return the ball where it lies, with what helps to aim."""

@@ -69,15 +69,14 @@ class Recorder:
         return f"Film written: {self._path}"
 
 
-def save_picture() -> Path:
-    """Write what is in the current window to a file in the present folder, and return its path.
-
-    Raises:
-        OSError: the file cannot be written.
-    """
+def save_picture() -> str:
+    """Write what has just been drawn into the window to a file in the present folder; return what to say."""
     path = _unused("minigolf", "png")
-    pyglet.image.get_buffer_manager().get_color_buffer().save(str(path))
-    return path
+    try:
+        pyglet.image.get_buffer_manager().get_color_buffer().save(str(path))
+    except OSError as error:
+        return f"No picture: {error}"[:WIDEST]
+    return f"Picture written: {path}"
 
 
 def _unused(stem: str, ending: str) -> Path:

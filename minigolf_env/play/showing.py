@@ -7,6 +7,9 @@ from collections.abc import Callable
 
 from minigolf_env.rendering.playback import Replay
 
+SLOW = 0.25
+"""Pace of a replay."""
+
 
 class Showing:
     """A stroke on its way over the screen.

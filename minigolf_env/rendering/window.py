@@ -8,7 +8,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,9 @@ from minigolf_env.rendering.frame import Frame
 from minigolf_env.rendering.gl_context import INSTALL, check_process, for_windows
 from minigolf_env.rendering.playback import Replay
 from minigolf_env.rendering.screen import Settings
+
+if TYPE_CHECKING:
+    from minigolf_env.rendering.gl_objects import Target
 
 Picture = NDArray[np.uint8]
 
@@ -52,6 +55,7 @@ class Window:
         """Called after each picture, to draw over it in the window's context."""
         self._speed = settings.speed
         self._shown: tuple[Camera, Frame] | None = None
+        self._drawn: Target | None = None
         with for_windows():
             self.window = open_window(settings.size, f"minigolf: {course.name}", **options)
             from minigolf_env.rendering.gl_renderer import Renderer, renderer_name
@@ -89,7 +93,9 @@ class Window:
             return None
         with for_windows():
             self.window.switch_to()
-            return self._renderer.draw(self.course, *self._shown, size, self._profile).read()
+            if self._drawn is None or self._drawn.size != size:
+                self._drawn = self._renderer.draw(self.course, *self._shown, size, self._profile)
+            return self._drawn.read()
 
     def play(self, replay: Replay) -> None:
         """Show a putt, and return when it has ended or the window is closed."""
@@ -117,7 +123,8 @@ class Window:
         size = self.window.get_framebuffer_size()
         if min(size) < 1:
             return  # Put away.
-        self._renderer.draw(self.course, *self._shown, size, self._profile).show(*size)
+        self._drawn = self._renderer.draw(self.course, *self._shown, size, self._profile)
+        self._drawn.show(*size)
         if self.overlay is not None:
             self.overlay()
         self.window.flip()
