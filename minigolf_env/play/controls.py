@@ -55,7 +55,6 @@ class Controls:
             key.P: self._toggle_path,
             key.TAB: self._toggle_card,
             key.C: self._reset_camera,
-            key.F: self._toggle_fullscreen,
             key.F12: app.picture,
             key.A: lambda: self._look(ORBIT),
             key.D: lambda: self._look(-ORBIT),
@@ -103,6 +102,13 @@ class Controls:
             return None
         self._keys[symbol]()
         return True
+
+    def on_key_release(self, symbol: int, modifiers: int) -> None:
+        """Fill the screen, or no more; not at the press, whose release the new window would never hear of."""
+        if symbol == key.F:
+            window = self._app.window.window
+            window.set_fullscreen(not window.fullscreen)
+            self._app.wake()
 
     def on_text_motion(self, motion: int) -> None:
         """Aim by an arrow key, which repeats while it is held."""
@@ -162,9 +168,4 @@ class Controls:
 
     def _reset_camera(self) -> None:
         self._app.view.reset()
-        self._app.wake()
-
-    def _toggle_fullscreen(self) -> None:
-        window = self._app.window.window
-        window.set_fullscreen(not window.fullscreen)
         self._app.wake()
