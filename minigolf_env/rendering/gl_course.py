@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from OpenGL import GL
 
 from minigolf_env.rendering import models
-from minigolf_env.rendering.gl_objects import Mesh, Program, texture
+from minigolf_env.rendering.gl_objects import Mesh, Program, start_afresh, texture
 from minigolf_env.rendering.moving import SUN, seen_between
 from minigolf_env.rendering.scene import Scene
 
@@ -104,7 +104,7 @@ class CourseBuffers:
     def _lies_on_ground(self, program: Program) -> NDArray[np.bool_]:
         """Return for cells in plan (LAWN_CELLS, LAWN_CELLS) whether they are all covered at the ground's level."""
         lower, upper = self.scene.lower, self.scene.upper
-        spread = upper - lower
+        spread = np.maximum(upper - lower, 1e-6)
         clip = np.diag([*(2.0 / spread), 1.0])
         clip[:3, 3] = -(upper + lower) / spread
         fine = 8
@@ -124,8 +124,9 @@ def _depths(mesh: Mesh, program: Program, clip: FloatArray, size: int, both_side
     GL.glDrawBuffer(GL.GL_NONE)
     GL.glReadBuffer(GL.GL_NONE)
     GL.glViewport(0, 0, size, size)
-    GL.glEnable(GL.GL_DEPTH_TEST)
-    (GL.glDisable if both_sides else GL.glEnable)(GL.GL_CULL_FACE)
+    start_afresh()
+    if both_sides:
+        GL.glDisable(GL.GL_CULL_FACE)
     GL.glFrontFace(GL.GL_CCW)
     GL.glClear(GL.GL_DEPTH_BUFFER_BIT)
     GL.glUseProgram(program.name)

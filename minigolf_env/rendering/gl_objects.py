@@ -153,6 +153,16 @@ def blended() -> Iterator[None]:
     GL.glDisable(GL.GL_BLEND)
 
 
+def start_afresh() -> None:
+    """Set what every drawing relies on, whatever one that was interrupted has left."""
+    for switch in (GL.GL_SCISSOR_TEST, GL.GL_BLEND):
+        GL.glDisable(switch)
+    for switch in (GL.GL_DEPTH_TEST, GL.GL_CULL_FACE):
+        GL.glEnable(switch)
+    GL.glDepthMask(GL.GL_TRUE)
+    GL.glDepthFunc(GL.GL_LESS)
+
+
 class Target:
     """A framebuffer of a size, with several samples a pixel or one, and the picture made of it."""
 

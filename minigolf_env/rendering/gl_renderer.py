@@ -19,7 +19,17 @@ from minigolf_env.rendering.camera import Camera
 from minigolf_env.rendering.errors import RenderingError
 from minigolf_env.rendering.frame import Frame
 from minigolf_env.rendering.gl_course import UP, CourseBuffers
-from minigolf_env.rendering.gl_objects import FRAME_SLOT, Lines, Mesh, Program, Target, blended, cube_map, texture
+from minigolf_env.rendering.gl_objects import (
+    FRAME_SLOT,
+    Lines,
+    Mesh,
+    Program,
+    Target,
+    blended,
+    cube_map,
+    start_afresh,
+    texture,
+)
 from minigolf_env.rendering.moving import CLOTH, SUN, Box, flag_at_rest, seen_between
 from minigolf_env.rendering.scene import build_scene
 
@@ -42,7 +52,7 @@ NOWHERE = np.array([0.0, 0.0, -1e3])
 UPSIDE_DOWN = np.diag([1.0, -1.0, 1.0, 1.0])
 
 BACKGROUND = 0.62, 0.72, 0.80
-"""Of the sky, where the lawn ends."""
+"""Of the sky, where the lawn ends: common.glsl's HAZE."""
 
 FRAME_BLOCK = np.dtype(
     [
@@ -119,10 +129,9 @@ class Renderer:
     def _begin(self, target: Target, part: Box) -> None:
         target.bind()
         GL.glViewport(0, 0, *target.size)
+        start_afresh()
         GL.glEnable(GL.GL_SCISSOR_TEST)
         GL.glScissor(part.left, part.top, part.right - part.left, part.bottom - part.top)
-        GL.glEnable(GL.GL_DEPTH_TEST)
-        GL.glEnable(GL.GL_CULL_FACE)
         GL.glFrontFace(GL.GL_CW)  # Upside down.
         GL.glClearColor(*BACKGROUND, 1.0)
         GL.glClear(GL.GL_COLOR_BUFFER_BIT | GL.GL_DEPTH_BUFFER_BIT)

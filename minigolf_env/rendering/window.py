@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
 import os
 import sys
 import threading
 import time
+import weakref
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -53,7 +56,9 @@ class Window:
         """What is shown; it may be changed."""
         self.overlay: Callable[[], None] | None = None
         """Called after each picture, to draw over it in the window's context."""
-        self._speed = settings.speed
+        self._speed, self._aspect = settings.speed, settings.aspect
+        self._process = os.getpid()
+        self._fits = False
         self._shown: tuple[Camera, Frame] | None = None
         self._drawn: Target | None = None
         with for_windows():
@@ -64,7 +69,9 @@ class Window:
             self._renderer = Renderer()
             software = any(name in renderer_name() for name in SOFTWARE)
         self._profile = {"auto": "fast" if software else "high"}.get(settings.profile, settings.profile)
-        self.window.push_handlers(on_expose=self._redraw, on_resize=lambda width, height: None)
+        redraw = weakref.WeakMethod(self._redraw)
+        self.window.push_handlers(on_expose=lambda: _call(redraw), on_resize=lambda width, height: None)
+        weakref.finalize(self, self.window.close)
 
     @property
     def is_open(self) -> bool:
@@ -72,7 +79,13 @@ class Window:
         return self.window is not None and not self.window.has_exit
 
     def show(self, camera: Camera, frame: Frame) -> None:
-        """Show a moment, and let the window's user do things."""
+        """Show a moment, all that the camera was to show, and let the window's user do things.
+
+        Raises:
+            RenderingError: in a process that was forked from the one that opened the window.
+        """
+        check_process(self._process)
+        self._fits = True
         self.draw(camera, frame)
         if not self.is_open:
             return
@@ -99,22 +112,22 @@ class Window:
 
     def play(self, replay: Replay) -> None:
         """Show a putt, and return when it has ended or the window is closed."""
-        start = time.perf_counter()
+        start = shown = time.perf_counter()
         now = 0.0
         while self.is_open and now < replay.duration:
             self.show(*replay.at(now))
-            shown, now = now, (time.perf_counter() - start) * self._speed
-            if now - shown < TICK:
-                time.sleep(TICK)
+            time.sleep(max(0.0, shown + TICK - time.perf_counter()))
+            shown = time.perf_counter()
+            now = (shown - start) * self._speed
         if self.is_open:
             self.show(*replay.at(replay.duration))
 
     def close(self) -> None:
         """Close the window."""
-        if self.window is not None:
+        if self.window is not None and self._process == os.getpid():  # A forked child leaves its parent's window open.
             with for_windows():
                 self.window.close()
-            self.window = None
+        self.window = None
 
     def _redraw(self) -> None:
         if not self.is_open or self._shown is None:
@@ -123,11 +136,27 @@ class Window:
         size = self.window.get_framebuffer_size()
         if min(size) < 1:
             return  # Put away.
-        self._drawn = self._renderer.draw(self.course, *self._shown, size, self._profile)
+        camera, frame = self._shown
+        if self._fits:
+            camera = _widened(camera, max(1.0, self._aspect * size[1] / size[0]))
+        self._drawn = self._renderer.draw(self.course, camera, frame, size, self._profile)
         self._drawn.show(*size)
         if self.overlay is not None:
             self.overlay()
         self.window.flip()
+
+
+def _call(method: weakref.WeakMethod[Callable[[], None]]) -> None:
+    """Call a method of what is perhaps no longer there: a window that nobody holds is closed."""
+    found = method()
+    if found is not None:
+        found()
+
+
+def _widened(camera: Camera, times: float) -> Camera:
+    """Return a camera that sees so many times more, as a picture that has become narrower needs it."""
+    slope = times * math.tan(math.radians(camera.fov) / 2.0)
+    return camera if times == 1.0 else replace(camera, fov=math.degrees(2.0 * math.atan(slope)))
 
 
 class HiddenWindow:
