@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -41,6 +41,8 @@ class Site(NamedTuple):
     folder: Path | None
     """Where mesh files lie."""
     limits: Limits
+    objects: Mapping[str, Trimesh]
+    """Meshes at hand, by the names of files."""
 
 
 class Solid(NamedTuple):
@@ -53,13 +55,19 @@ class Solid(NamedTuple):
     material: Material | None = None
 
 
-def build(file: d.CourseFile, folder: Path | None = None, limits: Limits | None = None) -> Course:
+def build(
+    file: d.CourseFile,
+    folder: Path | None = None,
+    limits: Limits | None = None,
+    objects: Mapping[str, Trimesh] | None = None,
+) -> Course:
     """Return the course that a file describes.
 
     Args:
         file: the description.
         folder: where mesh files lie; None: there are none.
         limits: on what is built; None: the default.
+        objects: meshes at hand, which stand for files of these names.
 
     Raises:
         CourseError: what is described cannot be built.
@@ -70,7 +78,7 @@ def build(file: d.CourseFile, folder: Path | None = None, limits: Limits | None 
         if cup is not None:
             cup.check_takes(file.ball_radius)
         tee = _tee(file.tee)
-        parts = tuple(_parts(file, cup, folder, limits))
+        parts = tuple(_parts(file, cup, folder, limits, objects or {}))
         route = () if cup is None else (tee.centre, *file.route, cup.position[:2])
         return Course(
             name=file.name,
@@ -93,10 +101,12 @@ def _tee(tee: d.TeeRecord) -> Tee:
     return Tee(lower, upper, tee.height)
 
 
-def _parts(file: d.CourseFile, cup: Cup | None, folder: Path | None, limits: Limits) -> Iterator[Part]:
+def _parts(
+    file: d.CourseFile, cup: Cup | None, folder: Path | None, limits: Limits, objects: Mapping[str, Trimesh]
+) -> Iterator[Part]:
     looks = known_surfaces(file.surfaces)
     to_cut = None if file.cup is None or file.cup.cut else cup
-    site = Site(to_cut, tuple(_obstacles(file)), folder, limits)
+    site = Site(to_cut, tuple(_obstacles(file)), folder, limits, objects)
     uncut, triangles = to_cut is not None, 0
     for number, record in enumerate(file.parts):
         name = record.name or f"{record.kind} {number + 1}"
@@ -108,7 +118,7 @@ def _parts(file: d.CourseFile, cup: Cup | None, folder: Path | None, limits: Lim
                 color = solid.color or (record.color if mine else None) or look.color
                 triangles += len(solid.mesh.faces)
                 limits.check_triangles(triangles)
-                inwards = isinstance(record, d.Block) and record.inwards
+                inwards = isinstance(record, (d.Block, d.Mesh)) and record.inwards
                 title = solid.name if record.name is None or solid.name == "" else f"{record.name} {solid.name}"
                 rgb = None if color is None else _rgb(color)
                 yield solids.part(title or name, solid.mesh, material, look.surface, inwards, rgb)
@@ -312,10 +322,17 @@ def _(record: d.Loop, site: Site) -> Iterator[Solid]:
 
 @_solids.register
 def _(record: d.Mesh, site: Site) -> Iterator[Solid]:
-    mesh = inline_mesh(record, site.limits) if record.file is None else read_mesh(record.file, site.folder, site.limits)
+    if record.file is None:
+        mesh = inline_mesh(record, site.limits)
+    elif record.file in site.objects:
+        mesh = site.objects[record.file]
+    else:
+        mesh = read_mesh(record.file, site.folder, site.limits)
     if record.scale != 1.0:
         mesh.apply_scale(record.scale)
     mesh = _placed(mesh, record.at, record.turn)
+    if mesh.volume < 0.0:  # Wound inwards; _parts does so where the ball is inside.
+        mesh = Trimesh(mesh.vertices, mesh.faces[:, ::-1], process=False)
     if record.floor and site.cup is not None:
         mesh = cut_cup(mesh, site.cup, site.obstacles)
     yield Solid("", mesh, record.surface)

@@ -349,6 +349,8 @@ class Mesh(PartRecord):
     turn: Turn = 0.0
     at: Point3 = (0.0, 0.0, 0.0)
     """Where its origin goes, after scale and turn."""
+    inwards: bool = False
+    """The ball is inside it: a room."""
     floor: bool = False
     """The cup is cut into its level top."""
 

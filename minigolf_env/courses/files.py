@@ -6,10 +6,12 @@ import json
 import re
 import tomllib
 from pathlib import Path
+from collections.abc import Mapping
 from typing import Any
 
 import tomli_w
 from pydantic import ValidationError
+from trimesh import Trimesh
 
 from minigolf_env.courses.build import build
 from minigolf_env.courses.course import Course, CourseError, Part
@@ -54,7 +56,7 @@ def parse_description(text: str, name: str = "course file") -> CourseFile:
         return CourseFile.model_validate(data)
     except ValidationError as error:
         faults = error.errors(include_url=False, include_context=True)
-        told = [_told(fault, text) for fault in faults[:5]]
+        told = [told(fault, text) for fault in faults[:5]]
         more = f"\nand {len(faults) - 5} more" if len(faults) > 5 else ""
         raise CourseError(f"{name}: " + "\n".join(told) + more) from error
 
@@ -69,9 +71,13 @@ def read_course(path: Path, cup_radius: float | None = None, limits: Limits | No
 
 
 def build_course(
-    file: CourseFile, folder: Path | None = None, cup_radius: float | None = None, limits: Limits | None = None
+    file: CourseFile,
+    folder: Path | None = None,
+    cup_radius: float | None = None,
+    limits: Limits | None = None,
+    objects: Mapping[str, Trimesh] | None = None,
 ) -> Course:
-    """Return the course of a description; see ``read_course``."""
+    """Return the course of a description; see ``read_course``. ``objects`` stand for mesh files of these names."""
     if cup_radius is not None:
         if file.cup is None:
             raise CourseError(f"cup_radius: expected None for {file.name!r}, which has no cup, received {cup_radius!r}.")
@@ -81,7 +87,7 @@ def build_course(
             )
         file = file.model_copy(update={"cup": file.cup.model_copy(update={"radius": cup_radius})})
     try:
-        return build(file, folder, limits)
+        return build(file, folder, limits, objects)
     except CourseError:
         raise
     except Exception as error:  # Geometry libraries raise errors of many kinds on degenerate outlines.
@@ -129,7 +135,14 @@ def hex_color(part: Part) -> str | None:
 
 def _mesh(number: int, part: Part) -> dict[str, Any]:
     vertices, faces = part.mesh.vertices.tolist(), part.mesh.faces.tolist()
-    return {"kind": "mesh", "name": part.name, "surface": f"surface {number}", "vertices": vertices, "faces": faces}
+    return {
+        "kind": "mesh",
+        "name": part.name,
+        "surface": f"surface {number}",
+        "inwards": part.mesh.volume < 0.0,
+        "vertices": vertices,
+        "faces": faces,
+    }
 
 
 def _kinds(file: CourseFile) -> dict[str, Any]:
@@ -163,7 +176,7 @@ def _check_depth(text: str) -> None:
         raise ValueError(f"keys of more than {3 * DEEPEST} parts")
 
 
-def _told(fault: Any, text: str) -> str:
+def told(fault: Any, text: str) -> str:
     """Return one line about a fault that pydantic found: where, what was expected, what received."""
     where, line = _where(fault["loc"], text)
     received = "" if fault["type"] in ("missing", "unknown_key") else f", received {fault['input']!r:.80}"

@@ -60,9 +60,10 @@ def read_mesh(name: str, folder: Path | None, limits: Limits) -> Trimesh:
     """
     path = safe_path(name, folder, limits)
     if path.suffix.lower() == ".glb":
-        from minigolf_env.courses.glb import read_objects
+        from minigolf_env.courses.gltf import read_scene
 
-        solids = [one.mesh for one in read_objects(path.read_bytes(), limits) if one.mesh is not None]
+        objects, _ = read_scene(path.read_bytes(), limits)
+        solids = [Trimesh(one.vertices, one.faces) for one in objects if one.vertices is not None]
         if not solids:
             raise CourseError(f"file: expected triangles, received {name!r} without any.")
         return trimesh.util.concatenate(solids)

@@ -115,13 +115,14 @@ def part(
     Raises:
         CourseError: the solid is not closed, is wound inconsistently, or has no volume.
     """
-    if not solid.is_volume:
-        raise CourseError(
-            f"part {name!r}: expected a closed solid, received {solid!r} that is not watertight or has no volume; "
-            "keep the outline simple and its parts apart."
-        )
     faces = solid.faces[:, ::-1] if inwards else solid.faces
-    return Part(name, TriangleMesh(solid.vertices, faces, surface, name=name), material, color)
+    mesh = TriangleMesh(solid.vertices, faces, surface, name=name)
+    if mesh.two_sided or not abs(mesh.volume) > 0.0:
+        raise CourseError(
+            f"part {name!r}: expected a closed solid, received {solid!r} that is open, wound inconsistently or without "
+            "volume; close its holes, keep outlines simple and parts apart."
+        )
+    return Part(name, mesh, material, color)
 
 
 def cup_hole(clear: Outline, cup: Cup) -> Outline:

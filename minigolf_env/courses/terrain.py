@@ -59,15 +59,19 @@ def _rounded(
         x, z = np.concatenate([-x[::-1], x]), np.concatenate([z[::-1], z])
     if not rounding:
         return np.asarray(np.interp(s, x, z))
-    x, z = np.concatenate([[x[0] - 1e4], x, [x[-1] + 1e4]]), np.concatenate([z[:1], z, z[-1:]])
+    x = np.concatenate([[x[0] - 3.0 * rounding], x, [x[-1] + 3.0 * rounding]])
+    z = np.concatenate([z[:1], z, z[-1:]])
     total = np.concatenate([[0.0], np.cumsum(np.diff(x) * (z[1:] + z[:-1]) / 2.0)])
+    s = np.clip(s, x[0] + rounding, x[-1] - rounding)
+    straight = np.interp(s, x, z)
+    low, high = (np.clip(np.searchsorted(x, s + r, side="right") - 1, 0, len(x) - 2) for r in (-rounding, rounding))
 
-    def integral(at: FloatArray) -> FloatArray:
-        k = np.clip(np.searchsorted(x, at, side="right") - 1, 0, len(x) - 2)
+    def integral(k: NDArray[np.int64], at: FloatArray) -> FloatArray:
         return np.asarray(total[k] + (at - x[k]) * (z[k] + np.interp(at, x, z)) / 2.0)
 
-    # Measured from the line itself, which loses no digits to the integral's size far away.
-    return np.asarray((integral(s + rounding) - integral(s - rounding)) / (2.0 * rounding))
+    mean = (integral(high, s + rounding) - integral(low, s - rounding)) / (2.0 * rounding)
+    # Away from corners the line itself, exactly: what is level stays level.
+    return np.asarray(np.where(low == high, straight, mean))
 
 
 def terrain(area: Outline, height: HeightFunction, cell: tuple[float, float], bottom: float) -> Trimesh:

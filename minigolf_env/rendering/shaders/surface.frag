@@ -118,10 +118,10 @@ void main() {
     gloss = 0.25;
 #elif MATERIAL == WATER
     float ripple = speckle(place.xy * 0.9) - speckle(place.yx * 1.3 + 0.37);
-    n = normalize(n + vec3(0.5 * ripple, 0.4 * ripple, 0.0));
+    n = normalize(n + vec3(0.20 * ripple, 0.16 * ripple, 0.0));
     albedo = vec3(0.030, 0.170, 0.260) * (1.0 + 0.5 * ripple);
     albedo += SKYLIGHT * 0.5 * pow(1.0 - max(dot(n, view), 0.0), 3.0);
-    gloss = 0.8;
+    gloss = 0.3;
     sharpness = 90.0;
 #elif MATERIAL == CLOTH
     if (dot(n, view) < 0.0) n = -n;
