@@ -5,8 +5,8 @@ object      meaning
 ==========  ============================================================================================
 ``tee...``  an empty: where the ball starts; a mesh: anywhere above its box in plan
 ``cup...``  an empty at the middle of the rim; extras ``radius``, ``depth`` (m), ``cut`` (it is in the mesh)
-others      parts, closed meshes; extras ``surface`` (a name) or ``damping``, ``restitution``, ``tangential``, ``rolling``
-            of its own, and ``material``, ``color``, ``floor`` (the cup is cut into it)
+others      parts, closed meshes; extras ``surface`` (a name), or ``damping``, ``restitution``, ``tangential``,
+            ``rolling`` of its own; and ``material``, ``color``, ``floor`` (the cup is cut into it)
 ==========  ============================================================================================
 
 Without extras, an object plays as the surface its name starts with; "floor" and "green" are felt that takes the cup.
@@ -79,7 +79,13 @@ def _describe_objects(name: str, objects: list[Object], extras: dict[str, Any]) 
             floor = bool(one.extras.get("floor", one.name.lower().startswith(FLOORS)))
             looks = {key: one.extras[key] for key in (*LOOKS, "inwards") if key in one.extras}
             parts.append(
-                {"kind": "mesh", "name": _plain(one.name), "file": f"object {number}", "surface": surface, "floor": floor}
+                {
+                    "kind": "mesh",
+                    "name": _plain(one.name),
+                    "file": f"object {number}",
+                    "surface": surface,
+                    "floor": floor,
+                }
                 | looks
             )
     data = {key: extras[key] for key in HOLE if key in extras}
@@ -94,8 +100,10 @@ def _tee(tee: Object) -> dict[str, Any]:
     if tee.vertices is not None:
         low, high = tee.vertices.min(axis=0).tolist(), tee.vertices.max(axis=0).tolist()
         return {"lower": low[:2], "upper": high[:2], "height": low[2]}
-    known = {key: tee.extras[key] for key in ("lower", "upper", "height") if key in tee.extras}
-    return known if "lower" in known else {"at": tee.at[:2], "height": tee.at[2]}
+    known: dict[str, Any] = {key: tee.extras[key] for key in ("lower", "upper", "height") if key in tee.extras}
+    if "lower" in known:
+        return known
+    return {"at": tee.at[:2], "height": tee.at[2]}
 
 
 def _surface(one: Object, number: int) -> tuple[str, dict[str, Any]]:
@@ -112,7 +120,9 @@ def _surface(one: Object, number: int) -> tuple[str, dict[str, Any]]:
 
 def _plain(name: str) -> str:
     """Return a name that course files take."""
-    return "".join(c if c.isascii() and (c.isalnum() or c in " _.-") else "-" for c in name).lstrip(" _.-")[:64] or "part"
+    return (
+        "".join(c if c.isascii() and (c.isalnum() or c in " _.-") else "-" for c in name).lstrip(" _.-")[:64] or "part"
+    )
 
 
 def _not_tee(name: str) -> str:
@@ -123,7 +133,7 @@ def to_glb(course: Course) -> bytes:
     """Return a .glb file of a course, which ``read_glb`` reads again bit for bit, and 3D programs show."""
     file = describe(course)
     x, y = course.tee.centre
-    tee = {"lower": course.tee.lower, "upper": course.tee.upper, "height": course.tee.height}
+    tee: dict[str, Any] = {"lower": course.tee.lower, "upper": course.tee.upper, "height": course.tee.height}
     objects = [Object("tee", (x, y, course.tee.height), tee, None, None)]
     if course.cup is not None:
         cup = {"position": course.cup.position, "radius": course.cup.radius, "depth": course.cup.depth, "cut": True}
@@ -132,11 +142,9 @@ def to_glb(course: Course) -> bytes:
         surface = part.mesh.surface
         plays = {key: getattr(surface, key) for key in PLAYS if getattr(surface, key, None) is not None}
         mesh = part.mesh
-        looks = {"material": part.material, "inwards": mesh.volume < 0.0, "floor": False}
+        looks: dict[str, Any] = {"material": part.material, "inwards": mesh.volume < 0.0, "floor": False}
         looks |= {} if part.color is None else {"color": hex_color(part)}
         color = part.color or PAINT.get(part.material)
-        objects.append(
-            Object(_not_tee(part.name), (0, 0, 0), plays | looks, mesh.vertices, mesh.faces, color)
-        )
+        objects.append(Object(_not_tee(part.name), (0, 0, 0), plays | looks, mesh.vertices, mesh.faces, color))
     dumped = file.model_dump(mode="json", exclude_none=True)
     return write_scene(objects, {key: dumped[key] for key in HOLE if key in dumped})

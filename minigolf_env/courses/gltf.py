@@ -27,7 +27,7 @@ Data = dict[str, Any]
 EXACT = "exact_vertices"
 """Extra property of an object: its vertices as base64 of little-endian float64, which positions in glTF cannot hold."""
 
-INDEX = {5121: np.dtype("u1"), 5123: np.dtype("<u2"), 5125: np.dtype("<u4")}
+INDEX: dict[int, np.dtype[Any]] = {5121: np.dtype("u1"), 5123: np.dtype("<u2"), 5125: np.dtype("<u4")}
 """glTF's numbers for the types of indices."""
 
 FLOAT, TRIANGLES, DEEPEST = 5126, 4, 64
@@ -118,7 +118,7 @@ class _Reader:
         if "sparse" in accessor or accessor["type"] != ("VEC3" if width == 3 else "SCALAR"):
             raise ValueError("an accessor of another kind")
         kind = accessor["componentType"]
-        dtype = np.dtype("<f4") if width == 3 and kind == FLOAT else INDEX[kind]
+        dtype: np.dtype[Any] = np.dtype("<f4") if width == 3 and kind == FLOAT else INDEX[kind]
         view = self.data["bufferViews"][accessor["bufferView"]]
         if view.get("buffer", 0) != 0 or (width == 3) != (kind == FLOAT):
             raise ValueError("data outside of the file")
@@ -129,11 +129,16 @@ class _Reader:
         numbers = (start, length, offset, count, stride)
         if not all(type(value) is int and 0 <= value <= len(self.binary) for value in numbers):
             raise ValueError("an accessor beyond the file")
-        if not count or stride < row or offset + (count - 1) * stride + row > length or start + length > len(self.binary):
+        if (
+            not count
+            or stride < row
+            or offset + (count - 1) * stride + row > length
+            or start + length > len(self.binary)
+        ):
             raise ValueError("an accessor beyond its view")
         part = np.frombuffer(self.binary, np.uint8, (count - 1) * stride + row, start + offset)
         rows = np.lib.stride_tricks.as_strided(part, (count, row), (stride, 1))
-        array = np.ascontiguousarray(rows).view(dtype)
+        array: NDArray[Any] = np.ascontiguousarray(rows).view(dtype)
         if width == 3 and not np.isfinite(array).all():
             raise ValueError("positions that are not finite")
         return array if width == 3 else array.reshape(-1)
@@ -163,7 +168,7 @@ def _matrix(node: Data) -> FloatArray:
         matrix = np.eye(4)
         if "rotation" in node:
             x, y, z, w = node["rotation"]
-            matrix = quaternion_matrix([w, x, y, z])
+            matrix = quaternion_matrix([w, x, y, z])  # type: ignore[no-untyped-call]
         matrix[:3, :3] = matrix[:3, :3] * np.array(node.get("scale", (1.0, 1.0, 1.0)), dtype=np.float64)
         matrix[:3, 3] = node.get("translation", (0.0, 0.0, 0.0))
     if not np.isfinite(matrix).all() or np.abs(matrix).max() > 1e6:
@@ -225,7 +230,9 @@ def write_scene(objects: Sequence[Object], extras: Data) -> bytes:
             index = one.faces.astype("<u4").ravel()
             corners = add(index, 34963, componentType=5125, count=index.size, type="SCALAR")
             linear = [share**2.2 for share in one.color or (0.8, 0.8, 0.8)]
-            materials.append({"name": one.name, "pbrMetallicRoughness": {"baseColorFactor": [*linear, 1.0], "metallicFactor": 0.0}})
+            materials.append(
+                {"name": one.name, "pbrMetallicRoughness": {"baseColorFactor": [*linear, 1.0], "metallicFactor": 0.0}}
+            )
             primitive = {"attributes": {"POSITION": place}, "indices": corners, "material": len(materials) - 1}
             meshes.append({"name": one.name, "primitives": [primitive]})
             node["mesh"] = len(meshes) - 1

@@ -39,9 +39,7 @@ def list_courses() -> list[str]:
     return list(HOLES)
 
 
-def load_course(
-    name: str | Path | Course, cup_radius: float | None = None, limits: Limits | None = None
-) -> Course:
+def load_course(name: str | Path | Course, cup_radius: float | None = None, limits: Limits | None = None) -> Course:
     """Return a course by its name or file, or a Course as it is.
 
     Courses are immutable: the same request gives the same one, as long as the file stays as it is.

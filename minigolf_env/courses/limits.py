@@ -37,7 +37,9 @@ class Limits:
 
     def check_cells(self, box: tuple[float, float, float, float], cell: tuple[float, float]) -> None:
         """Raise a CourseError if a grid of a cell's size (m) over a box (left, low, right, high) has more cells."""
-        columns, rows = (math.ceil(side / size) for side, size in zip((box[2] - box[0], box[3] - box[1]), cell, strict=True))
+        columns, rows = (
+            math.ceil(side / size) for side, size in zip((box[2] - box[0], box[3] - box[1]), cell, strict=True)
+        )
         seam = 2 * (columns + rows) * max(cell) / min(cell)
         if columns * rows + seam > self.cells:
             raise CourseError(

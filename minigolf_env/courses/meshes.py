@@ -66,10 +66,11 @@ def read_mesh(name: str, folder: Path | None, limits: Limits) -> Trimesh:
         solids = [Trimesh(one.vertices, one.faces) for one in objects if one.vertices is not None]
         if not solids:
             raise CourseError(f"file: expected triangles, received {name!r} without any.")
-        return trimesh.util.concatenate(solids)
+        vertices, faces = trimesh.util.append_faces([s.vertices for s in solids], [s.faces for s in solids])
+        return Trimesh(vertices, faces)
     try:
         with path.open("rb") as stream:
-            mesh = trimesh.load_mesh(stream, file_type=path.suffix[1:].lower())
+            mesh: object = trimesh.load_mesh(stream, file_type=path.suffix[1:].lower())
     except Exception as error:  # Whatever a reader makes of a broken file.
         raise CourseError(f"file: expected a mesh, received {name!r} that cannot be read: {error!r:.200}.") from error
     if not isinstance(mesh, Trimesh) or not len(mesh.faces) or not np.isfinite(mesh.vertices).all():
@@ -84,7 +85,7 @@ def cut_cup(mesh: Trimesh, cup: Cup, obstacles: Sequence[Outline]) -> Trimesh:
     Raises:
         CourseError: the top is not level around the cup, or the floor is thinner than the cup is deep.
     """
-    x, y, rim = cup.position
+    rim = cup.position[2]
     corners = mesh.triangles
     level = (np.abs(corners[:, :, 2] - rim) <= 1e-6).all(axis=1)
     up = mesh.face_normals[:, 2] > 0.5

@@ -11,7 +11,7 @@ import shapely
 from shapely.affinity import rotate
 
 from minigolf_env.courses.course import CourseError, Point2
-from minigolf_env.courses.description import Arc, Shape
+from minigolf_env.courses.shapes import Arc, Shape
 from minigolf_env.courses.solids import Outline, disc
 
 ARC = 5.0

@@ -66,7 +66,7 @@ def prism(profile: Outline, start: ArrayLike, end: ArrayLike) -> Trimesh:
     way = np.subtract(end, start)
     length, level = float(np.linalg.norm(way)), float(np.hypot(*way[:2]))
     if not level > 1e-6:
-        raise CourseError(f"expected a line that is not upright, received {start} to {end}; move its end.")
+        raise CourseError(f"expected a line that is not upright, received {start!r} to {end!r}; move its end.")
     left, ahead = np.array([-way[1], way[0], 0.0]) / level, way / length
     place = np.eye(4)
     place[:3, :3] = np.column_stack([left, np.cross(ahead, left), ahead])
@@ -85,7 +85,16 @@ def loop(radius: float, width: float, shift: float, rail: float, thickness: floa
     half, out = 0.5 * width, 0.5 * width + thickness
     # (to the left, inwards), counter-clockwise seen against the way.
     section = np.array(
-        [(-out, rail), (-out, -thickness), (out, -thickness), (out, rail), (half, rail), (half, 0), (-half, 0), (-half, rail)]
+        [
+            (-out, rail),
+            (-out, -thickness),
+            (out, -thickness),
+            (out, rail),
+            (half, rail),
+            (half, 0),
+            (-half, 0),
+            (-half, rail),
+        ]
     )
     share = np.linspace(0.0, 1.0, sides + 1)[:, None]
     angle = 2.0 * math.pi * share

@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 from trimesh import Trimesh
 
 from minigolf_env.courses.course import CourseError
-from minigolf_env.courses.description import Along, Height, Radial, Waves
+from minigolf_env.courses.shapes import Along, Height, Radial, Waves
 from minigolf_env.courses.solids import Outline
 
 FloatArray = NDArray[np.float64]
 HeightFunction = Callable[[FloatArray], FloatArray]
+
 
 def height_function(level: float, heights: Sequence[Height]) -> HeightFunction:
     """Return z (N,) of places (N, 2), m: a level, and all heights added to it."""
@@ -87,7 +88,9 @@ def terrain(area: Outline, height: HeightFunction, cell: tuple[float, float], bo
     ring_points, under = triangulated([area])
     z = height(points)
     if not z.min() > bottom:
-        raise CourseError(f"heights: expected all above the bottom at {bottom:g} m, received {z.min():g} m; raise them.")
+        raise CourseError(
+            f"heights: expected all above the bottom at {bottom:g} m, received {z.min():g} m; raise them."
+        )
     rings = [np.array(ring.coords)[:-1] for ring in (area.exterior, *area.interiors)]
     corners = np.concatenate(rings)
     n, m = len(corners), len(points)
