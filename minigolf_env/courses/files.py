@@ -18,9 +18,13 @@ from minigolf_env.courses.build import build
 from minigolf_env.courses.course import Course, CourseError, Part
 from minigolf_env.courses.description import CourseFile
 from minigolf_env.courses.limits import Limits
+from minigolf_env.physics.checks import one_of
 
 SCHEMA = Path(__file__).parent / "data" / "course.schema.json"
 """What editors complete course files from."""
+
+MOST_DOTS = 100
+"""Dots in a key; descriptions need two."""
 
 
 def read_description(path: Path, limits: Limits | None = None) -> CourseFile:
@@ -32,7 +36,7 @@ def read_description(path: Path, limits: Limits | None = None) -> CourseFile:
     """
     limits = limits or Limits()
     try:
-        limits.check_bytes(f"course file {path.name!r}", path.stat().st_size)
+        limits.check_bytes(f"course file {path.name!r}", path.stat().st_size, text=True)
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise CourseError(f"course file: expected a readable TOML file, received {str(path)!r}: {error}") from error
@@ -46,16 +50,29 @@ def parse_description(text: str, name: str = "course file") -> CourseFile:
         CourseError: see ``read_description``.
     """
     try:
+        _check_keys(text)
         data = tomllib.loads(text)
     except (ValueError, RecursionError) as error:
         raise CourseError(f"{name}: expected TOML, received text that is not: {error}") from error
+    return describe_data(data, name, text)
+
+
+def describe_data(data: dict[str, Any], name: str, text: str = "") -> CourseFile:
+    """Return the description that plain data hold; ``name`` and ``text`` are what errors refer to.
+
+    Raises:
+        CourseError: see ``read_description``.
+    """
     try:
         return CourseFile.model_validate(data)
     except ValidationError as error:
-        faults = error.errors(include_url=False, include_context=True)
-        told = [told(fault, text) for fault in faults[:5]]
+        found = error.errors(include_url=False, include_context=True)
+        places = [fault["loc"] for fault in found]
+        # A list with a fault in it is told of twice: once for itself.
+        faults = [f for f in found if not any(f["loc"] == loc[: len(f["loc"])] != loc for loc in places)]
+        lines = [told(fault, text) for fault in faults[:5]]
         more = f"\nand {len(faults) - 5} more" if len(faults) > 5 else ""
-        raise CourseError(f"{name}: " + "\n".join(told) + more) from error
+        raise CourseError(f"{name}: " + "\n".join(lines) + more) from error
 
 
 def read_course(path: Path, cup_radius: float | None = None, limits: Limits | None = None) -> Course:
@@ -166,16 +183,30 @@ def schema() -> str:
     return json.dumps(CourseFile.model_json_schema(), indent=1) + "\n"
 
 
+def _check_keys(text: str) -> None:
+    """Raise a ValueError for keys of very many parts: tomllib's time and memory grow with the square of them."""
+    parts = max(piece.count(".") for piece in re.split(r"[=,\[\]{}\n#]", text))
+    if parts > MOST_DOTS:
+        raise ValueError(f"a key of more than {MOST_DOTS} parts")
+
+
 def told(fault: Any, text: str) -> str:
     """Return one line about a fault that pydantic found: where, what was expected, what received."""
-    where, line = _where(fault["loc"], text)
-    received = "" if fault["type"] in ("missing", "unknown_key") else f", received {reprlib.repr(fault['input'])}"
-    message = fault["msg"][:1].lower() + fault["msg"][1:]
-    message = message.replace("input should be", "expected").replace("field required", "is missing; add it")
-    return f"{f'line {line}: ' if line else ''}{where}: {message}{received}"
+    where, line = _where(fault["loc"], text, fault["type"] == "missing")
+    message = f"{fault['msg'][:1].lower()}{fault['msg'][1:]}".replace("input should be", "expected")
+    message = message.replace("field required", "expected this key, received none; add it")
+    if fault["type"] == "union_tag_invalid":
+        known = re.findall(r"'(\w+)'", fault["ctx"]["expected_tags"])
+        try:
+            one_of(fault["ctx"]["tag"], known, "kind")
+        except ValueError as error:
+            message = str(error)
+    elif fault["type"] not in ("missing", "unknown_key"):
+        message += f", received {reprlib.repr(fault['input'])}"
+    return f"{f'line {line}: ' if line else ''}{where}: {message}"
 
 
-def _where(loc: tuple[int | str, ...], text: str) -> tuple[str, int | None]:
+def _where(loc: tuple[int | str, ...], text: str, missing: bool) -> tuple[str, int | None]:
     """Return a fault's place as a path of keys, and the line in which the last key found is set."""
     path, keys = "", []
     tags = {"point", "arc", "radial", "along", "waves"}
@@ -189,6 +220,7 @@ def _where(loc: tuple[int | str, ...], text: str) -> tuple[str, int | None]:
             keys.append(step)
     lines = text.splitlines()
     at = None
+    keys = keys[:-1] if missing else keys
     if loc[:1] == ("parts",) and len(loc) > 1 and isinstance(loc[1], int):
         headers = [k for k, line in enumerate(lines) if re.match(r"\s*\[\[\s*parts\s*\]\]", line)]
         if loc[1] >= len(headers):

@@ -13,7 +13,9 @@ class Limits:
     """Bounds on course files; larger ones are taken when asked for."""
 
     file_bytes: int = 64_000_000
-    """Of one file, course or mesh."""
+    """Of one .glb or mesh file."""
+    text_bytes: int = 16_000_000
+    """Of one .toml file, which takes a hundred times its size while it is read."""
     triangles: int = 500_000
     """Of a whole course."""
     cells: int = 200_000
@@ -27,12 +29,13 @@ class Limits:
                 "simplify its meshes, or load it with limits=Limits(triangles=...)."
             )
 
-    def check_bytes(self, what: str, size: int) -> None:
+    def check_bytes(self, what: str, size: int, text: bool = False) -> None:
         """Raise a CourseError if a file is larger."""
-        if size > self.file_bytes:
+        limit = self.text_bytes if text else self.file_bytes
+        if size > limit:
             raise CourseError(
-                f"{what}: expected at most {self.file_bytes} bytes, received {size}; "
-                "simplify it, or load it with limits=Limits(file_bytes=...)."
+                f"{what}: expected at most {limit} bytes, received {size}; "
+                f"simplify it, or load it with limits=Limits({'text' if text else 'file'}_bytes=...)."
             )
 
     def check_cells(self, box: tuple[float, float, float, float], cell: tuple[float, float]) -> None:
