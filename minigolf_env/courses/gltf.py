@@ -32,6 +32,9 @@ INDEX: dict[int, np.dtype[Any]] = {5121: np.dtype("u1"), 5123: np.dtype("<u2"), 
 
 FLOAT, TRIANGLES, DEEPEST = 5126, 4, 64
 
+FARTHEST = 1000.0
+"""Largest coordinate taken, m, as in course files."""
+
 
 class Object(NamedTuple):
     """A named thing of a scene."""
@@ -108,6 +111,8 @@ class _Reader:
             self.triangles += index.size // 3
             self.limits.check_triangles(self.triangles)
         vertices = _y_to_z(_exact(np.concatenate(points), extras, matrix))
+        if not np.abs(vertices).max(initial=0.0) <= FARTHEST:
+            raise ValueError(f"positions beyond {FARTHEST:g} m")
         turned = np.linalg.det(matrix[:3, :3]) < 0.0
         joined = np.concatenate(faces)
         return vertices, joined[:, ::-1] if turned else joined
@@ -184,8 +189,9 @@ def _exact(stored: NDArray[np.float32], extras: Data, matrix: FloatArray) -> Flo
             exact = np.frombuffer(base64.b64decode(extras[EXACT], validate=True), "<f8").reshape(-1, 3)
         except (binascii.Error, TypeError, ValueError):
             exact = np.empty((0, 3))
-        if exact.shape == points.shape and np.array_equal(_z_to_y(exact).astype(np.float32), stored):
-            points = _z_to_y(exact)
+        if exact.shape == points.shape and np.abs(exact).max(initial=0.0) <= FARTHEST:
+            same = np.array_equal(_z_to_y(exact).astype(np.float32), stored)
+            points = _z_to_y(exact) if same else points
     if np.array_equal(matrix, np.eye(4)):
         return points
     return np.asarray(points @ matrix[:3, :3].T + matrix[:3, 3])

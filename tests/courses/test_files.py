@@ -291,4 +291,5 @@ def test_toml_written_is_toml() -> None:
 if __name__ == "__main__":
     import sys
 
-    print("refused %d, built %d" % fuzz(int(sys.argv[1]), seed=int(sys.argv[2]) if len(sys.argv) > 2 else 0))
+    refused, built = fuzz(int(sys.argv[1]), seed=int(sys.argv[2]) if len(sys.argv) > 2 else 0)
+    print(f"refused {refused}, read {built}")
