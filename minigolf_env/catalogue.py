@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from minigolf_env.courses import Course, CourseError, list_courses, load_course
+from minigolf_env.courses import Course, CourseError, Cup, list_courses, load_course
 from minigolf_env.envs import MiniGolfEnv
 from minigolf_env.physics import World
 from minigolf_env.planning import search
@@ -131,24 +131,35 @@ def _places(course: Course, world: World) -> Iterator[str]:
             return
     if course.cup is None:
         return
+    yield from _cup(course.cup, world)
     x, y, rim = course.cup.position
-    bottom = rim - course.cup.depth
-    start, end = rim + 4.0 * course.ball_radius, bottom - 1.0
-    hit = world.sweep((x, y, start), (x, y, end))
-    landed = start + hit.alpha * (end - start) - course.ball_radius
-    if not hit.hit or landed < bottom - 1e-6:
-        yield f"cup: expected a bottom at z = {bottom:g} m below {course.cup.position}, received none; cut the cup."
-    elif landed > bottom + 1e-6:
-        yield (
-            f"cup: expected free way down to its bottom at z = {bottom:g} m, received something at z = {landed:g} m; "
-            "put the cup's position on the floor's level, and nothing over it."
-        )
     around = np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False)
     ring = np.array([x, y, 0.0]) + 1.5 * course.cup.radius * np.c_[np.cos(around), np.sin(around), 0.0 * around]
     above, below = (np.array([0.0, 0.0, z]) for z in (rim + 2.0 * course.ball_radius, lowest))
     hits = world.sweep_batch(ring + above, ring + below)
     if not np.all(hits.hit):
         yield f"cup: expected a floor all around {course.cup.position}, received a gap beside it; move the cup."
+
+
+def _cup(cup: Cup, world: World) -> Iterator[str]:
+    """Yield what is wrong with the way down into the cup."""
+    x, y, rim = cup.position
+    over = rim + world.ball_radius
+    try:
+        world.require_free((x, y, over))
+    except ValueError as error:
+        yield f"cup: expected free space over it; {error}"
+        return
+    bottom = rim - cup.depth
+    hit = world.sweep((x, y, over), (x, y, bottom - 1.0))
+    landed = rim + hit.alpha * (bottom - 1.0 - over)
+    if not hit.hit or landed < bottom - 1e-6:
+        yield f"cup: expected a bottom at z = {bottom:g} m below {cup.position}, received none; cut the cup."
+    elif landed > bottom + 1e-6:
+        yield (
+            f"cup: expected a way down to its bottom at z = {bottom:g} m, received something at z = {landed:g} m; "
+            "cut the cup, and put its position on the floor's level."
+        )
 
 
 def _play(course: Course, world: World) -> Iterator[str]:

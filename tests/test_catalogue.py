@@ -40,7 +40,7 @@ def test_faults_of_a_hole_are_found() -> None:
 
     assert faults(hole()) == ""
     assert "is inside 'block 2'" in faults(hole().add("block", outline=[{"box": (0.2, 0.2, 0.6, 0.8)}]))
-    assert "expected free way down" in faults(hole().add("box", at=(2.5, 0.5, 0.06), size=(0.3, 0.3, 0.1)))
+    assert "expected free space over it" in faults(hole().add("box", at=(2.5, 0.5, 0.06), size=(0.3, 0.3, 0.1)))
     walls = [{"box": (1.9, -0.05, 2.0, 1.05)}]
     high = hole().add("block", outline=walls, top=1.9)
     assert "expected search to hole out within 10 strokes" in faults(high)
