@@ -85,8 +85,9 @@ class SB3VecEnv(VecEnv):
         return [False] * len(list(self._get_indices(indices)))
 
     def get_images(self) -> Sequence[np.ndarray | None]:
-        """Return no pictures: there is nothing to render yet."""
-        return [None] * self.num_envs
+        """Return a picture of each environment; None without render_mode="rgb_array"."""
+        pictures: Any = self.envs.render() if self.envs.render_mode == "rgb_array" else None
+        return [None] * self.num_envs if pictures is None else list(pictures)
 
 
 def _info_of(infos: dict[str, Any], i: int) -> dict[str, Any]:

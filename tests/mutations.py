@@ -154,6 +154,9 @@ MUTATIONS = [
         "t, latest, radius + 2.0 * eps)",
         "t, latest, 0.99 * radius)",
     ),
+    Mutation("an edge is left alone", "swept_sphere.py", "t, radius - 0.875 * eps)", "t, 0.999 * radius)"),
+    Mutation("an edge without a face behind it", "swept_sphere.py", "return x > 0.0 and x * x", "return x * x"),
+    Mutation("an edge nearest at the start", "swept_sphere.py", "min(1.0, max(t, nearest))", "t"),
     Mutation(
         "a snapped face is not asked",
         "swept_sphere.py",
@@ -172,7 +175,7 @@ MUTATIONS = [
     Mutation(
         "a neighbourhood of the path alone", "neighbourhood.py", "1.5 * radius + scene.radius +", "scene.radius +"
     ),
-    Mutation("a neighbourhood of one path", "neighbourhood.py", "near, p, scale(w, paths), 1", "near, p, w, 1"),
+    Mutation("a neighbourhood of one path", "neighbourhood.py", "near, p, scale(w, paths), reach", "near, p, w, reach"),
     Mutation(
         "a full list", "neighbourhood.py", "            return False\n        for i", "            break\n        for i"
     ),

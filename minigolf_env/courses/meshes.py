@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path, PurePosixPath, PureWindowsPath
 
 import numpy as np
@@ -66,8 +66,7 @@ def read_mesh(name: str, folder: Path | None, limits: Limits) -> Trimesh:
         solids = [Trimesh(one.vertices, one.faces) for one in objects if one.vertices is not None]
         if not solids:
             raise CourseError(f"file: expected triangles, received {name!r} without any.")
-        vertices, faces = trimesh.util.append_faces([s.vertices for s in solids], [s.faces for s in solids])
-        return Trimesh(vertices, faces)
+        return _joined(solids)
     try:
         with path.open("rb") as stream:
             mesh: object = trimesh.load_mesh(stream, file_type=path.suffix[1:].lower())
@@ -85,6 +84,7 @@ def cut_cup(mesh: Trimesh, cup: Cup, obstacles: Sequence[Outline]) -> Trimesh:
     Raises:
         CourseError: the top is not level around the cup, or the floor is thinner than the cup is deep.
     """
+    mesh = Trimesh(mesh.vertices, mesh.faces)  # Corners that programs keep apart for each face become one.
     rim = cup.position[2]
     corners = mesh.triangles
     level = (np.abs(corners[:, :, 2] - rim) <= 1e-6).all(axis=1)
@@ -107,20 +107,25 @@ def cut_cup(mesh: Trimesh, cup: Cup, obstacles: Sequence[Outline]) -> Trimesh:
     area = shapely.union_all(plans[touched])
     rings = shapely.get_parts(shapely.polygonize([shapely.linestrings(edge) for edge in _rim(mesh, touched)]))
     pieces = [ring - hole for ring in rings if area.contains(ring.point_on_surface())]
-    points, faces = triangulated(pieces)
+    kept = Trimesh(mesh.vertices, mesh.faces[~touched], process=False)
+    return _joined([kept, *_pocket(pieces, hole, rim, bottom)])
+
+
+def _joined(solids: Sequence[Trimesh]) -> Trimesh:
+    return Trimesh(*trimesh.util.append_faces([one.vertices for one in solids], [one.faces for one in solids]))
+
+
+def _pocket(around: Sequence[Outline], hole: Outline, rim: float, bottom: float) -> Iterator[Trimesh]:
+    """Yield the level floor around a hole, the wall down from its edge, and the bottom."""
+    for areas, z in ((around, rim), ([hole], bottom)):
+        points, faces = triangulated(areas)
+        yield Trimesh(np.c_[points, np.full(len(points), z)], faces)
     ring = np.array(shapely.geometry.polygon.orient(hole).exterior.coords)[:-1]
     n = len(ring)
-    after = np.roll(np.arange(n), -1)
-    k = np.arange(n)
-    # Seen from the hole, the pocket's wall is passed clockwise.
+    k, after = np.arange(n), np.roll(np.arange(n), -1)
+    # Seen from the hole, the wall is passed clockwise.
     wall = np.concatenate([np.c_[k, after, k + n], np.c_[after, after + n, k + n]])
-    under_points, under = triangulated([hole])
-    new = [np.c_[points, np.full(len(points), rim)], np.c_[ring, np.full(n, rim)], np.c_[ring, np.full(n, bottom)]]
-    new.append(np.c_[under_points, np.full(len(under_points), bottom)])
-    first = len(mesh.vertices)
-    starts = first + np.cumsum([0, len(points), n, n])
-    all_faces = [mesh.faces[~touched], faces + starts[0], wall + starts[1], under + starts[3]]
-    return Trimesh(np.concatenate([mesh.vertices, *new]), np.concatenate(all_faces))
+    yield Trimesh(np.concatenate([np.c_[ring, np.full(n, rim)], np.c_[ring, np.full(n, bottom)]]), wall)
 
 
 def _rim(mesh: Trimesh, chosen: np.ndarray) -> np.ndarray:

@@ -37,6 +37,10 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
     | 8 | square root of the horizontal distance to the cup, which the speed it takes goes with | 1 is the diagonal |
     | 9 | strokes left | 1 at the tee, 0 after the last |
 
+    With ``observation="rays"`` it is ``Box(-1, 1, (45,), float32)``: these numbers; the way that the ball has free in
+    32 horizontal directions, the first along x, counter-clockwise, 1 is 4 m or more; how far below it the ground is, 1
+    is 0.5 m or more; and the slope of the ground along x and y.
+
     With ``observation="pixels"`` it is ``Box(0, 255, (84, 84, 3), uint8)``: the course from above, x to the right and y
     up, the ball drawn large enough to be seen; the white share of the lowest two rows is the share of strokes left.
 
@@ -70,7 +74,7 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
     render_profile: "high", with smooth edges; "fast"; or "auto": "high", but "fast" in a window drawn without a GPU.
     render_speed: how much faster than real time the window shows a putt.
     reward: "shaped" or "strokes".
-    observation: "state" or "pixels".
+    observation: "state", "rays" or "pixels".
     max_strokes: strokes after which an episode ends, at least 1.
     tee: "random" or "fixed".
     top_speed: launch speed of a full putt, m/s; None: the course's.

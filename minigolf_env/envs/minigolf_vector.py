@@ -63,7 +63,7 @@ class MiniGolfVectorEnv(gym.vector.VectorEnv[Observations, Actions, NDArray[Any]
         self.autoreset_mode = _autoreset(autoreset_mode)
         self.metadata = {**self.metadata, "autoreset_mode": self.autoreset_mode}
         shown = num_envs if render_mode is not None else 0
-        self._screens = tuple(Screen(self.task.course, settings, self.task.trace) for _ in range(shown))
+        self.screens = tuple(Screen(self.task.course, settings, self.task.trace) for _ in range(shown))
         self.single_action_space, self.single_observation_space = action_space(), self._observer.space()
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
@@ -103,9 +103,9 @@ class MiniGolfVectorEnv(gym.vector.VectorEnv[Observations, Actions, NDArray[Any]
         velocities = self.task.launch(putts[rows], draws)
         outcome = self.task.play(before, velocities)
         self._positions[rows] = outcome.position
-        if self._screens:
+        if self.screens:
             for k, i in enumerate(rows):
-                self._screens[i].putt(before[k], velocities[k], outcome.position[k])
+                self.screens[i].putt(before[k], velocities[k], outcome.position[k])
         self._strokes[rows] += 1
         over = outcome.holed | (self._strokes[rows] >= self.task.max_strokes)
         rewards, terminated = np.zeros(self.num_envs), np.zeros(self.num_envs, np.bool_)
@@ -127,7 +127,7 @@ class MiniGolfVectorEnv(gym.vector.VectorEnv[Observations, Actions, NDArray[Any]
         """Return what the render mode promises, of each environment; None without one."""
         if not self._rngs:
             raise ResetNeeded("Call reset() first: there are no balls on the course yet.")
-        return tuple(screen.render() for screen in self._screens) or None
+        return tuple(screen.render() for screen in self.screens) or None
 
     def _restart(self, ended: Flags, final: dict[str, Any]) -> dict[str, Any]:
         """Begin new episodes where one ended; return their info, with the old one's end in it."""
@@ -161,8 +161,8 @@ class MiniGolfVectorEnv(gym.vector.VectorEnv[Observations, Actions, NDArray[Any]
     def _tee_off(self, mask: Flags, keep_last: bool = False) -> None:
         for i in np.flatnonzero(mask):
             self._positions[i] = self.task.tee_off(self._rngs[i])
-            if self._screens:
-                self._screens[i].put(self._positions[i].copy(), keep_last)
+            if self.screens:
+                self.screens[i].put(self._positions[i].copy(), keep_last)
         self._strokes[mask], self._over[mask] = 0, False
 
     def _observe(self) -> Observations:

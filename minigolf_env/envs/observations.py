@@ -10,6 +10,7 @@ from gymnasium.spaces import Space
 from numpy.typing import NDArray
 
 from minigolf_env.envs.pixels import observe_pixels, pixel_space
+from minigolf_env.envs.rays import observe_rays, ray_space
 from minigolf_env.envs.task import FloatArray, Task, observation_space
 
 
@@ -22,4 +23,8 @@ class Observer(NamedTuple):
     """From balls at positions (N, 3), m, after a number of strokes (N,) to N observations, in a new array."""
 
 
-OBSERVERS = {"state": Observer(observation_space, Task.observe), "pixels": Observer(pixel_space, observe_pixels)}
+OBSERVERS = {
+    "state": Observer(observation_space, Task.observe),
+    "rays": Observer(ray_space, observe_rays),
+    "pixels": Observer(pixel_space, observe_pixels),
+}

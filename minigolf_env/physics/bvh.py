@@ -1,6 +1,6 @@
 """The broad phase: a bounding volume hierarchy over the triangles, walked without a stack.
 
-Nodes stand in depth-first order, so a walk either goes on to the next node (into a subtree) or to ``skip`` (past it).
+A walk goes into a node's nearer child, or past its subtree, to what the node's ``skips`` name for the walk's direction.
 A query visits a superset of the triangles it needs; which ones never changes an answer, only its cost.
 """
 
@@ -59,14 +59,30 @@ def _build(
         if end - start <= LEAF:
             node["first"], node["size"] = start, end - start
         else:
-            cut = _split(order, start, end, low, high, inside, boxes)
+            cut, node["axis"] = _split(order, start, end, low, high, inside, boxes)
             todo[waiting, 0], todo[waiting, 1] = cut, end
             todo[waiting + 1, 0], todo[waiting + 1, 1] = start, cut
             waiting += 2
         count += 1
-    for i in range(count - 1, -1, -1):
-        nodes[i]["skip"] = i + 1 if nodes[i]["size"] > 0 else nodes[nodes[i + 1]["skip"]]["skip"]
+    _link(nodes, count)
     return count
+
+
+@kernel
+def _link(nodes: RecordArray, count: int) -> None:
+    """Fill in the further children and the skips of nodes that stand in depth-first order."""
+    for i in range(count - 1, -1, -1):
+        node = nodes[i]
+        if node["size"] == 0:
+            node["first"] = nodes[i + 1]["skips"][0]
+        node["skips"][0] = i + 1 if node["size"] > 0 else nodes[node["first"]]["skips"][0]
+    for o in range(1, 8):
+        nodes[0]["skips"][o] = count
+        for i in range(count):
+            node = nodes[i]
+            if node["size"] == 0:
+                near, far = (node["first"], i + 1) if (o >> node["axis"]) & 1 else (i + 1, node["first"])
+                nodes[near]["skips"][o], nodes[far]["skips"][o] = far, node["skips"][o]
 
 
 @kernel
@@ -91,8 +107,11 @@ def _split(
     high: FloatArray,
     inside: FloatArray,
     boxes: FloatArray,
-) -> int:
-    """Reorder order[start:end] around the cheapest of the binned planes; return where the second half starts."""
+) -> tuple[int, int]:
+    """Reorder order[start:end] around the cheapest binned plane; return where the upper part starts, and the axis.
+
+    Nothing is upper among triangles whose boxes have the same middle: they are halved.
+    """
     axis, width, origin = ZERO, -1.0, 0.0
     for k in range(3):
         lowest, highest = math.inf, -math.inf
@@ -103,7 +122,7 @@ def _split(
             axis, width, origin = k, highest - lowest, lowest
     half = (start + end) // 2
     if not width > 0.0:
-        return half
+        return half, axis
 
     for b in range(BINS):
         inside[b] = 0.0
@@ -127,7 +146,7 @@ def _split(
         if _bin(0.5 * (low[i, axis] + high[i, axis]), origin, width) < plane:
             order[j], order[cut] = order[cut], i
             cut += 1
-    return half if min(cut - start, end - cut) * LOPSIDED < end - start else cut
+    return half if min(cut - start, end - cut) * LOPSIDED < end - start else cut, axis
 
 
 @kernel
@@ -150,18 +169,28 @@ def _cost(inside: FloatArray, boxes: FloatArray, first: int, last: int) -> float
     return total * (x * y + y * z + z * x)
 
 
+@entry_kernel
+def octant(w: Vec3) -> int:
+    """Return the octant of a direction: which coordinates fall, as the bits of a number."""
+    return int(w.x < 0.0) + 2 * int(w.y < 0.0) + 4 * int(w.z < 0.0)
+
+
 @kernel
-def next_leaf_on_path(nodes: RecordArray, i: int, p: Vec3, w: Vec3, reach: float) -> int:
-    """Return the first leaf from node i on whose box the path p to p + w may meet within ``reach``; -1 if none."""
+def next_leaf_on_path(nodes: RecordArray, o: int, i: int, p: Vec3, w: Vec3, reach: float) -> int:
+    """Return the first leaf from node i on whose box the path p to p + w may meet within ``reach``; -1 if none.
+
+    With ``o`` its octant the path comes to the nearer of two boxes first, so that a collision there spares the other.
+    """
     half = scale(w, 0.5)
     middle = add(p, half)
     while i < len(nodes):
+        node = nodes[i]
         if not is_on_path(nodes, i, middle, half, reach):
-            i = nodes[i]["skip"]
-        elif nodes[i]["size"] > 0:
+            i = ZERO + node["skips"][o]  # An int64 again, as in what follows.
+        elif node["size"] > 0:
             return i
         else:
-            i += 1
+            i = node["first"] if (o >> node["axis"]) & 1 else i + 1
     return -1
 
 
@@ -204,7 +233,7 @@ def next_leaf_within(nodes: RecordArray, i: int, p: Vec3, reach: float) -> int:
     """
     while i < len(nodes):
         if distance_to_box(nodes, i, p) > reach:
-            i = nodes[i]["skip"]
+            i = ZERO + nodes[i]["skips"][0]
         elif nodes[i]["size"] > 0:
             return i
         else:
@@ -217,7 +246,7 @@ def nearest_leaf(nodes: RecordArray, p: Vec3) -> int:
     """Return a leaf near the point p, by always going into the nearer child: a first guess, not the nearest."""
     i = ZERO
     while nodes[i]["size"] == 0:
-        other = nodes[i + 1]["skip"]
+        other = nodes[i]["first"]
         i = i + 1 if distance_to_box(nodes, i + 1, p) <= distance_to_box(nodes, other, p) else other
     return i
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from minigolf_env.physics.kernel import entry_kernel, inlined_kernel, kernel
+from minigolf_env.physics.kernel import entry_kernel, kernel
 from minigolf_env.physics.sweep import Collision
 from minigolf_env.physics.types import FloatArray, Scene, Vec3
 from minigolf_env.physics.vec3 import along, cross, dot, norm, scale, sub, vec3
@@ -95,7 +95,7 @@ def _in_cone(contacts: FloatArray, held: int, x: Vec3, i: int, j: int, slack: fl
     return True
 
 
-@inlined_kernel
+@kernel
 def rolling_resistance(contacts: FloatArray, held: int, gravity: Vec3) -> float:
     """Return R, the deceleration of a rolling ball, m/s^2: each contact's share of the weight it carries."""
     total = 0.0
@@ -104,7 +104,7 @@ def rolling_resistance(contacts: FloatArray, held: int, gravity: Vec3) -> float:
     return total
 
 
-@inlined_kernel
+@kernel
 def resist(v: Vec3, a: Vec3, resistance: float, h: float) -> tuple[Vec3, float, bool]:
     """Return (net acceleration, duration, stops) of a piece of the step that lasts at most h.
 
@@ -145,7 +145,7 @@ def surface_of(scene: Scene, hit: Collision) -> Any:
     return scene.surfaces[scene.triangles[hit.row]["surface"]]
 
 
-@inlined_kernel
+@kernel
 def rebound(scene: Scene, hit: Collision, w: Vec3, v: Vec3, a: Vec3, net: Vec3, span: float) -> tuple[Vec3, bool]:
     """Return (velocity after the impact, whether the contact lasts instead).
 

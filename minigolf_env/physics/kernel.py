@@ -47,20 +47,15 @@ def entry_kernel(function: Function) -> Function:
     return _compile(function)
 
 
-def inlined_kernel(function: Function) -> Function:
-    """Compile a function as ``kernel`` does and put it into its callers: for work shorter than passing the arguments.
-
-    Half the time of a rolling ball was spent on passing scenes by value, hundreds of bytes a call.
-    """
-    return _compile(function, forceinline=True)
-
-
 def merged_kernel(function: Function) -> Function:
     """Merge a function into the source of its only caller, so that it is compiled once; Python may call it too."""
     return _compile(function, inline="always")
 
 
 def _compile(function: Function, **options: Any) -> Function:
+    # Every kernel is put into its callers: passing scenes by value, hundreds of bytes a call, costs more than the work.
+    # Without a word numba does as it did for the caller it compiles first: speed would hang on what a user asks first.
+    options["forceinline"] = True
     # Nothing passes kernels to kernels, which is what the wrapper for C would be for.
     options |= {"error_model": "numpy", "fastmath": False, "no_cfunc_wrapper": True, "_nrt": False}
     compiled: Any = numba.njit(function, nogil=True, **options)

@@ -14,16 +14,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minigolf_env.physics.bvh import is_on_path
-from minigolf_env.physics.kernel import inlined_kernel, kernel
+from minigolf_env.physics.kernel import entry_kernel, kernel
 from minigolf_env.physics.sweep import Collision, no_collision, sooner, sweep
 from minigolf_env.physics.swept_sphere import may_come_near
 from minigolf_env.physics.types import ZERO, RecordArray, Scene, Vec3
 from minigolf_env.physics.vec3 import add, along, dot, norm, scale, sub, vec3
 
-CAPACITY = 24
-"""Triangles in a list: more cost more than walking through the tree."""
+CAPACITY = 64
+"""Triangles in the list of one path: more cost more than walking through the tree once for each of its pieces."""
 
-QUEUE = 128
+FEW = 24
+"""Triangles in the list of several paths: more cost more than a list for each."""
+
+QUEUE = 256
 """Nodes that a search for triangles may look into: with more, there are too many triangles too."""
 
 FURTHEST = 8.0
@@ -58,7 +61,7 @@ def no_neighbourhood() -> Neighbourhood:
     return Neighbourhood(cylinder, np.zeros(CAPACITY, np.int64), np.zeros(QUEUE, np.int64))
 
 
-@inlined_kernel
+@entry_kernel
 def sweep_near(scene: Scene, near: Neighbourhood, p: Vec3, w: Vec3) -> Collision:
     """Return what ``sweep`` returns, sooner."""
     inside = _holds(near, p) and _holds(near, add(p, w))
@@ -73,7 +76,7 @@ def sweep_near(scene: Scene, near: Neighbourhood, p: Vec3, w: Vec3) -> Collision
     return best
 
 
-@inlined_kernel
+@kernel
 def _holds(near: Neighbourhood, p: Vec3) -> bool:
     """Return whether the cylinder holds the point p."""
     cylinder = near.cylinder[0]
@@ -86,23 +89,24 @@ def _holds(near: Neighbourhood, p: Vec3) -> bool:
 def _look_around(scene: Scene, near: Neighbourhood, p: Vec3, w: Vec3) -> bool:
     """Make a neighbourhood for the path from p to p + w and those after it; return whether there is room for it.
 
-    Paths bend away from the straight by what gravity does in their time, which is how wide the cylinder is.
+    A rolling ball's paths dip into the ground by half of what gravity does in their time: there the cylinder is wide
+    enough to its end, and no wider, for the fewer triangles. In flight paths bend more, and leave it sooner.
     """
     cylinder, length = near.cylinder[0], norm(w)
     axis = scale(w, 1.0 / length) if length > 1e-100 else Vec3(0.0, 0.0, 0.0)
     paths = max(1.0, cylinder["paths"])
     while paths >= 1.0:
         longer = paths * length
-        radius = paths * paths * scene.dt * scene.dt * norm(scene.gravity) + 1e-4 * longer + 4.0 * scene.eps
+        radius = paths * scene.dt * scene.dt * norm(scene.gravity) + 1e-4 * longer + 4.0 * scene.eps
         # A point of the cylinder is at most 1.42 radii from the path; from there a ball meets what is within its own.
-        if _list_triangles(scene, near, p, scale(w, paths), 1.5 * radius + scene.radius + 4.0 * scene.eps):
+        reach = 1.5 * radius + scene.radius + 4.0 * scene.eps
+        if _list_triangles(scene, near, p, scale(w, paths), reach, FEW if paths > 1.0 else CAPACITY):
             foot = along(p, -radius, axis)
             for k in range(3):
                 cylinder["foot"][k], cylinder["axis"][k] = foot[k], axis[k]
             cylinder["length"] = longer + 2.0 * radius
             cylinder["radius2"] = radius * radius - 1e-14 * cylinder["length"] ** 2  # For rounding in _holds.
-            few = 3 * cylinder["count"] <= CAPACITY
-            cylinder["paths"] = min(FURTHEST, 2.0 * paths) if few else paths
+            cylinder["paths"] = min(FURTHEST, 2.0 * paths) if 3 * cylinder["count"] <= FEW else paths
             return True
         paths *= 0.5
     cylinder["length"], cylinder["paths"] = -1.0, 1.0
@@ -110,8 +114,8 @@ def _look_around(scene: Scene, near: Neighbourhood, p: Vec3, w: Vec3) -> bool:
 
 
 @kernel
-def _list_triangles(scene: Scene, near: Neighbourhood, p: Vec3, w: Vec3, reach: float) -> bool:
-    """List the triangles that may be within ``reach`` of the path p to p + w; return whether there is room for them.
+def _list_triangles(scene: Scene, near: Neighbourhood, p: Vec3, w: Vec3, reach: float, most: int) -> bool:
+    """List the triangles that may be within ``reach`` of the path p to p + w; return whether ``most`` are enough.
 
     The tree is searched breadth first: the processor can look at several boxes at a time, as none waits for another.
     """
@@ -122,14 +126,14 @@ def _list_triangles(scene: Scene, near: Neighbourhood, p: Vec3, w: Vec3, reach: 
     while done < waiting:
         node = nodes[queue[done]]
         first, size = node["first"], node["size"]
-        if count + size > len(rows) or waiting + 2 > len(queue):
+        if count + size > most or waiting + 2 > len(queue):
             return False
         for i in range(first, first + size):
             rows[count] = i
             count += int(_is_near(triangles[i], middle, half, reach))
         if size == 0:
             left = queue[done] + 1
-            right = nodes[left]["skip"]
+            right = first
             queue[waiting] = left
             waiting += int(is_on_path(nodes, left, middle, half, reach))
             queue[waiting] = right

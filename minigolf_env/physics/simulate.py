@@ -19,7 +19,7 @@ from minigolf_env.physics.contact import (
     stop,
     surface_of,
 )
-from minigolf_env.physics.kernel import entry_kernel, inlined_kernel, kernel, merged_kernel
+from minigolf_env.physics.kernel import entry_kernel, kernel, merged_kernel
 from minigolf_env.physics.neighbourhood import Neighbourhood, no_neighbourhood, sweep_near
 from minigolf_env.physics.sweep import distance, sweep
 from minigolf_env.physics.types import ZERO, FloatArray, RecordArray, Scene, Status, Vec3
@@ -63,7 +63,7 @@ class Moved(NamedTuple):
     sub_steps: int
 
 
-@inlined_kernel
+@entry_kernel
 def step(scene: Scene, scratch: Scratch, p: Vec3, v: Vec3, log: FloatArray, bounces: int, clock: float) -> Moved:
     """Move the ball by one dt: the seed's algorithm, with lasting contacts.
 

@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from minigolf_env.physics.bvh import nearest_leaf, next_leaf_on_path, next_leaf_within
-from minigolf_env.physics.kernel import entry_kernel, inlined_kernel, kernel
+from minigolf_env.physics.bvh import nearest_leaf, next_leaf_on_path, next_leaf_within, octant
+from minigolf_env.physics.kernel import entry_kernel, kernel
 from minigolf_env.physics.swept_sphere import MISS, offset, sweep_triangle
 from minigolf_env.physics.types import ZERO, RecordArray, Scene, Vec3
 from minigolf_env.physics.vec3 import dot, norm, scale
@@ -32,7 +32,7 @@ def no_collision() -> Collision:
     return Collision(MISS, Vec3(0.0, 0.0, 0.0), -1, -1)
 
 
-@inlined_kernel
+@kernel
 def earlier(new: Collision, old: Collision, w: Vec3) -> Collision:
     """Return the collision that counts: the smaller alpha, then the steeper approach, then the lower triangle.
 
@@ -55,10 +55,12 @@ def sweep(scene: Scene, p: Vec3, w: Vec3) -> Collision:
     """
     best = no_collision()
     reach = scene.radius + 2.0 * scene.eps
-    leaf = next_leaf_on_path(scene.nodes, ZERO, p, w, reach)
+    o = octant(w)
+    leaf = next_leaf_on_path(scene.nodes, o, ZERO, p, w, reach)
     while leaf >= 0:
         best = sweep_leaf(scene, leaf, p, w, best)
-        leaf = next_leaf_on_path(scene.nodes, scene.nodes[leaf]["skip"], p, scale(w, best.alpha), reach)
+        after = ZERO + scene.nodes[leaf]["skips"][o]
+        leaf = next_leaf_on_path(scene.nodes, o, after, p, scale(w, best.alpha), reach)
     return best
 
 
@@ -96,7 +98,7 @@ def distance(scene: Scene, p: Vec3) -> float:
     leaf = next_leaf_within(scene.nodes, ZERO, p, best)
     while leaf >= 0:
         best = min(best, _distance_in_leaf(scene, leaf, p))
-        leaf = next_leaf_within(scene.nodes, scene.nodes[leaf]["skip"], p, best)
+        leaf = next_leaf_within(scene.nodes, ZERO + scene.nodes[leaf]["skips"][0], p, best)
     return best
 
 

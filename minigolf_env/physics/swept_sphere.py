@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 
-from minigolf_env.physics.kernel import inlined_kernel, kernel
+from minigolf_env.physics.kernel import kernel
 from minigolf_env.physics.types import Vec3
 from minigolf_env.physics.vec3 import add, along, dot, norm, scale, sub, vec3
 
@@ -96,6 +96,9 @@ def sweep_triangle(p: Vec3, w: Vec3, radius: float, eps: float, triangle: np.voi
             return t, scale(n, math.copysign(1.0, height))
     if not may_come_near(a, n, u, v, w, t, latest, radius + 2.0 * eps):
         return MISS, n
+    # An eighth of the tolerance is for rounding: what stays off by this never goes deeper than eps.
+    if _stays_off(a, n, u, v, w, t, radius - 0.875 * eps):
+        return MISS, n
     e = vec3(triangle["e"])
     f = vec3(triangle["f"])
     t, normal = _newton(a, e, f, n, u, v, w, t, radius, eps, latest)
@@ -107,13 +110,13 @@ def sweep_triangle(p: Vec3, w: Vec3, radius: float, eps: float, triangle: np.voi
     return t, normal
 
 
-@inlined_kernel
+@kernel
 def approaches(rate: float, w: Vec3) -> bool:
     """Return whether a distance that changes at this rate on the way w shrinks, by more than rounding."""
     return rate < 0.0 and rate * rate > PARALLEL * PARALLEL * dot(w, w)
 
 
-@inlined_kernel
+@kernel
 def _is_inside(x: float, y: float, speed_x: float, speed_y: float, t: float) -> bool:
     """Return whether the centre is above the face at time t, given its coordinates along the edges at 0."""
     x, y = x + t * speed_x, y + t * speed_y
@@ -139,6 +142,37 @@ def may_come_near(a: Vec3, n: Vec3, u: Vec3, v: Vec3, w: Vec3, t: float, end: fl
         or (beyond_y < 0.0 and beyond_y * beyond_y > room * dot(v, v))
         or (beyond_z < 0.0 and beyond_z * beyond_z > room * dot(uv, uv))
     )
+
+
+@kernel
+def _stays_off(a: Vec3, n: Vec3, u: Vec3, v: Vec3, w: Vec3, t: float, depth: float) -> bool:
+    """Return whether the centre, from time t on, stays ``depth`` away from a triangle: true only if it surely does.
+
+    A triangle lies in the half plane behind each of its edges and is no nearer than that: a ball that rolls off over an
+    edge, touching it all but along the tangent, takes Newton's method a dozen iterations and this a division.
+    """
+    height, climb = -dot(a, n), dot(w, n)
+    x, y, speed_x, speed_y = -dot(a, u), -dot(a, v), dot(w, u), dot(w, v)
+    uv = add(u, v)
+    return (
+        _stays_off_edge(-x, -speed_x, dot(u, u), height, climb, t, depth)
+        or _stays_off_edge(-y, -speed_y, dot(v, v), height, climb, t, depth)
+        or _stays_off_edge(x + y - 1.0, speed_x + speed_y, dot(uv, uv), height, climb, t, depth)
+    )
+
+
+@kernel
+def _stays_off_edge(
+    beyond: float, speed: float, stretch: float, height: float, climb: float, t: float, depth: float
+) -> bool:
+    """Return whether the centre is beyond an edge when it comes nearest to its line, and ``depth`` away from it.
+
+    ``beyond`` and its ``speed`` are lengths times the root of ``stretch``. Without area all are zero: false.
+    """
+    nearest = -(beyond * speed + stretch * height * climb) / (speed * speed + stretch * climb * climb)
+    nearest = min(1.0, max(t, nearest))
+    x, z = beyond + nearest * speed, height + nearest * climb
+    return x > 0.0 and x * x + stretch * z * z >= stretch * depth * depth
 
 
 @kernel

@@ -134,12 +134,15 @@ RESULT = np.dtype([("time", "f8"), *((name, "i8") for name in ("status", "steps"
 NODE = np.dtype(
     [
         *((name, "f8", (3,)) for name in ("middle", "half")),
-        *((name, "i8") for name in ("skip", "first", "size")),
+        ("first", "i8"),
+        *((name, "i4") for name in ("size", "axis")),
+        ("skips", "i4", (8,)),
     ],
     align=True,
 )
-"""A box of the bounding volume hierarchy: its middle and half extents (m); the node after its subtree;
-a leaf's first triangle and number of triangles, 0 for an inner node. Nodes stand in depth-first order."""
+"""A box of the bounding volume hierarchy: its middle and half extents (m); a leaf's first triangle and number of
+triangles. An inner node has size 0; its lower child along ``axis`` is the next node, its upper one ``first``. For each
+octant of directions the node after its subtree, in the order that goes into the nearer child first (``bvh.octant``)."""
 
 TRIANGLE = np.dtype(
     [

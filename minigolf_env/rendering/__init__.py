@@ -4,12 +4,14 @@ from minigolf_env.rendering.camera import CAMERAS, Camera
 from minigolf_env.rendering.errors import RenderingError
 from minigolf_env.rendering.frame import Frame, Line
 from minigolf_env.rendering.moving import flag_at_rest
-from minigolf_env.rendering.playback import still
+from minigolf_env.rendering.playback import PAUSE, still
 from minigolf_env.rendering.screen import FPS, PROFILES, RENDER_MODES, Screen, Settings
+from minigolf_env.rendering.tiles import tile
 
 __all__ = [
     "CAMERAS",
     "FPS",
+    "PAUSE",
     "PROFILES",
     "RENDER_MODES",
     "Camera",
@@ -20,4 +22,5 @@ __all__ = [
     "Settings",
     "flag_at_rest",
     "still",
+    "tile",
 ]

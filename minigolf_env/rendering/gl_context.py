@@ -11,8 +11,8 @@ import os
 import sys
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
-from typing import Any
+from contextlib import AbstractContextManager, contextmanager
+from typing import Any, Protocol
 
 from minigolf_env.rendering.errors import RenderingError
 
@@ -30,6 +30,14 @@ if sys.platform == "linux":
     os.environ.setdefault("PYOPENGL_PLATFORM", "egl")
 
 
+class Context(Protocol):
+    """An OpenGL context to draw in."""
+
+    def current(self) -> AbstractContextManager[None]:
+        """Make it current within a ``with`` block."""
+        ...
+
+
 class HeadlessContext:
     """An OpenGL 3.3 core context with no surface, to draw into framebuffer objects.
 
@@ -42,7 +50,7 @@ class HeadlessContext:
 
     def __init__(self) -> None:
         self._egl = _load_egl()
-        self._pid = os.getpid()
+        self._process = os.getpid()
         self._lock = threading.RLock()
         self._display, self._context = self._create()
 
@@ -53,11 +61,7 @@ class HeadlessContext:
         Raises:
             RenderingError: in a process that was forked from the one that made the context.
         """
-        if os.getpid() != self._pid:
-            raise RenderingError(
-                "rendering: expected the process that first rendered, received a fork of it, where OpenGL would hang; "
-                "start workers with the 'spawn' or 'forkserver' method, or render in the parent only after forking."
-            )
+        check_process(self._process)
         egl = self._egl
         with self._lock:
             before = (
@@ -66,7 +70,7 @@ class HeadlessContext:
                 egl.eglGetCurrentSurface(egl.EGL_READ),
                 egl.eglGetCurrentContext(),
             )
-            with glx_released():
+            with _glx_released():
                 egl.eglMakeCurrent(self._display, egl.EGL_NO_SURFACE, egl.EGL_NO_SURFACE, self._context)
                 try:
                     yield
@@ -123,6 +127,15 @@ class HeadlessContext:
         return context
 
 
+def check_process(process: int) -> None:
+    """Raise a RenderingError unless this is the process (an id) that made a context: in its forks OpenGL hangs."""
+    if os.getpid() != process:
+        raise RenderingError(
+            "rendering: expected the process that first rendered, received a fork of it, where OpenGL would hang; "
+            "start workers with the 'spawn' or 'forkserver' method, or render in the parent only after forking."
+        )
+
+
 def _load_egl() -> Any:
     """Return PyOpenGL's EGL module."""
     try:
@@ -151,26 +164,50 @@ def _platform_display(platform: int, native: Any) -> Any:
 
 
 @contextmanager
-def glx_released() -> Iterator[None]:
+def _glx_released() -> Iterator[None]:
     """Take away this thread's current GLX context (a window's) for a while: EGL makes none current beside it."""
-    glx = _load_glx() if sys.platform == "linux" else None
+    glx = _load_glx()
     context = glx.glXGetCurrentContext() if glx is not None else None
     if glx is None or not context:
         yield
         return
-    make_current = glx.glXMakeContextCurrent
     display = glx.glXGetCurrentDisplay()
     surfaces = glx.glXGetCurrentDrawable(), glx.glXGetCurrentReadDrawable()
-    make_current(display, 0, 0, None)
+    glx.glXMakeContextCurrent(display, 0, 0, None)
     try:
         yield
     finally:
-        make_current(display, *surfaces, context)
+        glx.glXMakeContextCurrent(display, *surfaces, context)
+
+
+@contextmanager
+def for_windows() -> Iterator[None]:
+    """Let windows have their contexts current within a ``with`` block; an EGL context that was before is so after it.
+
+    GLX makes none current beside EGL's, such as one that another library has left current.
+    """
+    egl = _load_egl() if sys.platform == "linux" else None
+    context = egl.eglGetCurrentContext() if egl is not None else None
+    if egl is None or not context:
+        yield
+        return
+    display = egl.eglGetCurrentDisplay()
+    surfaces = egl.eglGetCurrentSurface(egl.EGL_DRAW), egl.eglGetCurrentSurface(egl.EGL_READ)
+    egl.eglMakeCurrent(display, egl.EGL_NO_SURFACE, egl.EGL_NO_SURFACE, egl.EGL_NO_CONTEXT)
+    try:
+        yield
+    finally:
+        glx = _load_glx()
+        if glx is not None and glx.glXGetCurrentContext():
+            glx.glXMakeContextCurrent(glx.glXGetCurrentDisplay(), 0, 0, None)
+        egl.eglMakeCurrent(display, *surfaces, context)
 
 
 @functools.cache
 def _load_glx() -> Any:
-    """Return GLX's library, which PyOpenGL has loaded already, or None."""
+    """Return GLX's library, or None where there is none."""
+    if sys.platform != "linux":
+        return None
     try:
         glx: Any = ctypes.CDLL("libGLX.so.0")
     except OSError:

@@ -19,7 +19,7 @@ from minigolf_env.rendering.camera import Camera
 from minigolf_env.rendering.errors import RenderingError
 from minigolf_env.rendering.frame import Frame
 from minigolf_env.rendering.gl_course import UP, CourseBuffers
-from minigolf_env.rendering.gl_objects import FRAME_SLOT, Lines, Mesh, Program, Target, cube_map, texture
+from minigolf_env.rendering.gl_objects import FRAME_SLOT, Lines, Mesh, Program, Target, blended, cube_map, texture
 from minigolf_env.rendering.moving import CLOTH, SUN, Box, flag_at_rest, seen_between
 from minigolf_env.rendering.scene import build_scene
 
@@ -108,10 +108,7 @@ class Renderer:
         if course.cup is not None and self._is_flag_seen(foot, clip, edges):
             self._draw_flag(foot)
         if frame is not None:
-            self._use("ball", _model(frame.ball, frame.size * course.ball_radius, frame.turn))
-            w = float(clip[3] @ np.append(frame.ball, 1.0))
-            small = frame.size * course.ball_radius * camera.pixels_a_metre(w, size[1]) < SMALL
-            (self._small_ball if small else self._ball).draw()
+            self._draw_ball(course, camera, frame, clip, size[1])
             if frame.lines:
                 GL.glUseProgram(self._program("line").name)
                 self._lines.draw(frame.lines)
@@ -165,6 +162,20 @@ class Renderer:
         self._use("cloth", model)
         self._cloth.draw()
         GL.glEnable(GL.GL_CULL_FACE)
+
+    def _draw_ball(self, course: Course, camera: Camera, frame: Frame, clip: FloatArray, height: int) -> None:
+        """Draw the ball, and a ghost of it where something hides it."""
+        model = _model(frame.ball, frame.size * course.ball_radius, frame.turn)
+        distance = float(clip[3] @ np.append(frame.ball, 1.0))
+        radius = frame.size * course.ball_radius * camera.pixels_a_metre(distance, height)
+        ball = self._small_ball if radius < SMALL else self._ball
+        self._use("ball", model)
+        ball.draw()
+        self._use("ghost", model)
+        with blended():
+            GL.glDepthFunc(GL.GL_GREATER)
+            ball.draw()
+            GL.glDepthFunc(GL.GL_LESS)
 
     def _fill_frame(
         self, course: Course, buffers: CourseBuffers, clip: FloatArray, camera: Camera, frame: Frame | None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import platform
 from collections import OrderedDict
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 from minigolf_env.courses import Course
 from minigolf_env.rendering.camera import Camera
 from minigolf_env.rendering.frame import Frame
-from minigolf_env.rendering.gl_context import HeadlessContext
+from minigolf_env.rendering.gl_context import Context, HeadlessContext
 from minigolf_env.rendering.moving import moving_part
 
 if TYPE_CHECKING:
@@ -56,8 +57,8 @@ def draw_many(
 class Studio:
     """The context and the renderer of this process, and the stills of its latest views."""
 
-    def __init__(self) -> None:
-        self.context = HeadlessContext()
+    def __init__(self, context: Context | None = None) -> None:
+        self.context = context or _make_context()
         self._renderer: Renderer | None = None
         self._stills: OrderedDict[View, Picture | None] = OrderedDict()
 
@@ -91,6 +92,14 @@ class Studio:
 
             self._renderer = Renderer()
         return self._renderer
+
+
+def _make_context() -> Context:
+    if platform.system() == "Linux":
+        return HeadlessContext()
+    from minigolf_env.rendering.window import HiddenWindow
+
+    return HiddenWindow()
 
 
 @functools.cache

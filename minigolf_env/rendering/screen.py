@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -76,6 +76,7 @@ class Screen:
     def __init__(self, course: Course, settings: Settings, trace: Trace) -> None:
         self._course, self._settings, self._trace = course, settings, trace
         self._unseen: list[_Event] = []
+        self._mirrors: list[Screen] = []
         self._ball, self._turn, self._clock = np.zeros(3), np.eye(3), 0.0
         self._last: Replay | None = None
         self._window: Window | None = None
@@ -83,10 +84,21 @@ class Screen:
     def put(self, ball: FloatArray, keep_last: bool = False) -> None:
         """Begin anew with the ball at rest at (3,); ``keep_last``: the last putt is still to be seen."""
         self._add(_Event(ball), self._unseen[-1:] if keep_last else [])
+        for mirror in self._mirrors:
+            mirror.put(ball, keep_last)
 
     def putt(self, before: FloatArray, velocity: FloatArray, lies: FloatArray) -> None:
         """Take in a putt: where it was struck (3,), how (3,), and where the ball lies now (3,)."""
         self._add(_Event(lies, before, velocity), self._unseen)
+        for mirror in self._mirrors:
+            mirror.putt(before, velocity, lies)
+
+    def mirror(self) -> Screen:
+        """Return a screen that from now on takes in what this one does, for ``film``: neither sees it for the other."""
+        mirror = Screen(self._course, replace(self._settings, mode="rgb_array_list"), self._trace)
+        mirror._ball = self._unseen[-1].lies if self._unseen else self._ball
+        self._mirrors.append(mirror)
+        return mirror
 
     def render(self) -> Picture | list[Picture] | None:
         """Return what the render mode promises; a list is given once."""
@@ -105,15 +117,23 @@ class Screen:
             frame = frame._replace(turn=self._turn, lines=(self._last.way(TRACE_POINTS),))
         return self._draw(camera, frame)
 
-    def film(self, fps: int = FPS) -> Iterator[Picture]:
-        """Yield the pictures of what has not been seen yet: one of a ball put on the tee, ``fps`` a second of putts."""
-        for event in self._take():
+    def film(self, fps: int = FPS, until_put: bool = False) -> Iterator[Picture]:
+        """Yield the pictures of what has not been seen yet: one of a ball put on the tee, ``fps`` a second of putts.
+
+        ``until_put``: a ball that is put somewhere, and what follows, is left for the next call.
+        """
+        for event in self._take(until_put):
             replay = self._replay(event)
             if replay is None:
                 yield self._draw(*self._still())
             else:
                 for time in replay.moments(fps):
                     yield self._draw(*replay.at(time))
+
+    def forget(self, until_put: bool = False) -> None:
+        """Let pass what ``film`` would show."""
+        for event in self._take(until_put):
+            self._begin(event.lies)
 
     def close(self) -> None:
         """Close the window, if there is one."""
@@ -132,17 +152,20 @@ class Screen:
                 else:
                     self._open().play(replay)
 
-    def _take(self) -> list[_Event]:
-        """Return what has not been seen, and forget it."""
-        unseen, self._unseen = self._unseen, []
-        return unseen
+    def _take(self, until_put: bool = False) -> Iterator[_Event]:
+        """Yield what has not been seen, and forget it."""
+        while self._unseen and not (until_put and self._unseen[0].velocity is None):
+            yield self._unseen.pop(0)
+
+    def _begin(self, ball: FloatArray) -> None:
+        self._ball, self._turn, self._clock, self._last = ball, np.eye(3), 0.0, None
 
     def _replay(self, event: _Event) -> Replay | None:
         """Let an event happen; return the putt, which goes on from the one before, or None for a ball that was put."""
-        self._ball = event.lies
         if event.before is None or event.velocity is None:
-            self._turn, self._clock, self._last = np.eye(3), 0.0, None
+            self._begin(event.lies)
             return None
+        self._ball = event.lies
         path, times = self._trace(event.before, event.velocity)
         replay = Replay(
             self._course,

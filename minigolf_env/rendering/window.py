@@ -4,19 +4,33 @@ from __future__ import annotations
 
 import os
 import sys
+import threading
 import time
-from typing import Any
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from minigolf_env.courses import Course
 from minigolf_env.rendering.camera import Camera
 from minigolf_env.rendering.errors import RenderingError
 from minigolf_env.rendering.frame import Frame
-from minigolf_env.rendering.gl_context import INSTALL
+from minigolf_env.rendering.gl_context import INSTALL, check_process, for_windows
 from minigolf_env.rendering.playback import Replay
 from minigolf_env.rendering.screen import Settings
 
+if TYPE_CHECKING:
+    from minigolf_env.rendering.gl_objects import Target
+
+Picture = NDArray[np.uint8]
+
 SOFTWARE = ("llvmpipe", "softpipe", "swrast", "SwiftShader")
 """Names of renderers without a GPU."""
+
+NEEDED_BY = "window (of `minigolf play` or render_mode 'human')"
+"""What messages say of a window that cannot be opened."""
 
 TICK = 1.0 / 120.0
 """Frames are at least this far apart, s."""
@@ -28,21 +42,28 @@ class Window:
     Args:
         course: the course.
         settings: size, camera, profile and speed.
+        options: of pyglet's window.
 
     Raises:
         RenderingError: there is no display, or no OpenGL on it.
     """
 
-    def __init__(self, course: Course, settings: Settings) -> None:
-        self._course, self._speed = course, settings.speed
-        self.window = open_window(settings.size, f"minigolf: {course.name}")
-        from minigolf_env.rendering.gl_renderer import Renderer, renderer_name
-
-        self.window.switch_to()
-        self._renderer = Renderer()
-        software = any(name in renderer_name() for name in SOFTWARE)
-        self._profile = {"auto": "fast" if software else "high"}.get(settings.profile, settings.profile)
+    def __init__(self, course: Course, settings: Settings, **options: Any) -> None:
+        self.course = course
+        """What is shown; it may be changed."""
+        self.overlay: Callable[[], None] | None = None
+        """Called after each picture, to draw over it in the window's context."""
+        self._speed = settings.speed
         self._shown: tuple[Camera, Frame] | None = None
+        self._drawn: Target | None = None
+        with for_windows():
+            self.window = open_window(settings.size, f"minigolf: {course.name}", **options)
+            from minigolf_env.rendering.gl_renderer import Renderer, renderer_name
+
+            self.window.switch_to()
+            self._renderer = Renderer()
+            software = any(name in renderer_name() for name in SOFTWARE)
+        self._profile = {"auto": "fast" if software else "high"}.get(settings.profile, settings.profile)
         self.window.push_handlers(on_expose=self._redraw, on_resize=lambda width, height: None)
 
     @property
@@ -51,10 +72,30 @@ class Window:
         return self.window is not None and not self.window.has_exit
 
     def show(self, camera: Camera, frame: Frame) -> None:
+        """Show a moment, and let the window's user do things."""
+        self.draw(camera, frame)
+        if not self.is_open:
+            return
+        with for_windows():
+            self.window.dispatch_events()
+            if self.window.has_exit:
+                self.close()
+
+    def draw(self, camera: Camera, frame: Frame) -> None:
         """Show a moment."""
         self._shown = camera, frame
-        self._redraw()
-        self._listen()
+        with for_windows():
+            self._redraw()
+
+    def picture(self, size: tuple[int, int]) -> Picture | None:
+        """Return what is shown, without the overlay, as a picture (height, width, 3); None if there is nothing."""
+        if not self.is_open or self._shown is None:
+            return None
+        with for_windows():
+            self.window.switch_to()
+            if self._drawn is None or self._drawn.size != size:
+                self._drawn = self._renderer.draw(self.course, *self._shown, size, self._profile)
+            return self._drawn.read()
 
     def play(self, replay: Replay) -> None:
         """Show a putt, and return when it has ended or the window is closed."""
@@ -62,34 +103,56 @@ class Window:
         now = 0.0
         while self.is_open and now < replay.duration:
             self.show(*replay.at(now))
-            shown = now
-            now = (time.perf_counter() - start) * self._speed
+            shown, now = now, (time.perf_counter() - start) * self._speed
             if now - shown < TICK:
                 time.sleep(TICK)
-                now = (time.perf_counter() - start) * self._speed
         if self.is_open:
             self.show(*replay.at(replay.duration))
 
     def close(self) -> None:
         """Close the window."""
         if self.window is not None:
-            self.window.close()
+            with for_windows():
+                self.window.close()
             self.window = None
-
-    def _listen(self) -> None:
-        """Let the window's user do things."""
-        if self.window is not None:
-            self.window.dispatch_events()
-            if self.window.has_exit:
-                self.close()
 
     def _redraw(self) -> None:
         if not self.is_open or self._shown is None:
             return
         self.window.switch_to()
         size = self.window.get_framebuffer_size()
-        self._renderer.draw(self._course, *self._shown, size, self._profile).show(*size)
+        if min(size) < 1:
+            return  # Put away.
+        self._drawn = self._renderer.draw(self.course, *self._shown, size, self._profile)
+        self._drawn.show(*size)
+        if self.overlay is not None:
+            self.overlay()
         self.window.flip()
+
+
+class HiddenWindow:
+    """The context of a window that is never seen: for pictures where there is no EGL (macOS, Windows).
+
+    Raises:
+        RenderingError: there is no display, or no OpenGL on it.
+    """
+
+    def __init__(self) -> None:
+        self._process, self._lock = os.getpid(), threading.RLock()
+        with for_windows():
+            self._window = open_window((1, 1), "minigolf", visible=False)
+
+    @contextmanager
+    def current(self) -> Iterator[None]:
+        """Make it current within a ``with`` block.
+
+        Raises:
+            RenderingError: in a process that was forked from the one that made it.
+        """
+        check_process(self._process)
+        with self._lock, for_windows():
+            self._window.switch_to()
+            yield
 
 
 def open_window(size: tuple[int, int], caption: str, **options: Any) -> Any:
@@ -100,7 +163,7 @@ def open_window(size: tuple[int, int], caption: str, **options: Any) -> Any:
     """
     if sys.platform == "linux" and not os.environ.get("DISPLAY"):
         raise RenderingError(
-            "render_mode 'human': expected a display, found none (DISPLAY is not set); run on a desktop, under "
+            f"{NEEDED_BY}: expected a display, found none (DISPLAY is not set); run on a desktop, under "
             "`xvfb-run -s '-screen 0 1280x1024x24'` (apt-get install xvfb), or use render_mode='rgb_array'."
         )
     try:
@@ -114,5 +177,5 @@ def open_window(size: tuple[int, int], caption: str, **options: Any) -> Any:
         return pyglet.window.Window(*size, caption=caption, resizable=True, config=config, vsync=False, **options)
     except Exception as error:  # pyglet raises what its platform's libraries do.
         raise RenderingError(
-            f"render_mode 'human': no window can be opened: {type(error).__name__}: {error}. {INSTALL}"
+            f"{NEEDED_BY}: no window can be opened: {type(error).__name__}: {error}. {INSTALL}"
         ) from error

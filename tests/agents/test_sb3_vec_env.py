@@ -20,6 +20,17 @@ def envs() -> SB3VecEnv:
     return SB3VecEnv(batch)
 
 
+def test_it_shows_its_environments(gl: None) -> None:
+    """get_images, and the tiled picture that stable-baselines3 makes of them; none without a render mode."""
+    options = {"autoreset_mode": "SameStep", "render_mode": "rgb_array", "render_size": (32, 24)}
+    envs = SB3VecEnv(gym.make_vec("minigolf_env:MiniGolf-v0", num_envs=N, **options))
+    envs.reset()
+    pictures = envs.get_images()
+    assert [picture.shape for picture in pictures if picture is not None] == [(24, 32, 3)] * N
+    tiled = envs.render()
+    assert tiled is not None and tiled.shape == (48, 64, 3)
+
+
 def test_it_tells_what_single_environments_do(envs: SB3VecEnv) -> None:
     """Observations, rewards, ends, terminal observations and infos are the single environments', reset at once."""
     envs.seed(5)

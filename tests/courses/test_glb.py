@@ -93,6 +93,8 @@ def write(objects: list[Object], path: Path, exact: bool = False) -> Path:
 
 def test_a_hole_made_by_hand_is_played(tmp_path: Path) -> None:
     """Names say what objects are, extras how they play; the cup is cut into the floor."""
+    across = Object("cup", (0.6, 0.2, 0.0), {}, None, None)  # On an edge of the floor's triangles.
+    assert len(load_course(write(by_hand(cup=across), tmp_path / "across.glb")).parts) == 6
     course = load_course(write(by_hand(), tmp_path / "hand.glb"))
     assert course.name == "made" and course.par == 2 and course.cup is not None and course.cup.radius == 0.06
     surfaces = {part.name: part.mesh.surface for part in course.parts}

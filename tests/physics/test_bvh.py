@@ -1,10 +1,13 @@
 """The tree changes the cost of a query and never its answer."""
 
+import itertools
+
 import numpy as np
 import pytest
 
 from minigolf_env.physics import TriangleMesh, World, sweep_sphere
-from minigolf_env.physics.bvh import build_tree
+from minigolf_env.physics.bvh import build_tree, octant
+from minigolf_env.physics.types import Vec3
 from tests.physics.scenes import BALL, FloatArray, grid, sphere
 
 KINDS = ["random", "duplicates", "degenerate", "huge and tiny", "floor", "one"]
@@ -68,14 +71,14 @@ def test_leaves_share_out_the_triangles(kind: str) -> None:
     nodes, order = build_tree(triangles)
     seen = np.zeros(len(triangles), int)
     for i, node in enumerate(nodes):
-        leaves = [leaf for leaf in nodes[i : node["skip"]] if leaf["size"] > 0]
+        leaves = [leaf for leaf in nodes[i : node["skips"][0]] if leaf["size"] > 0]
         rows = np.concatenate([order[leaf["first"] : leaf["first"] + leaf["size"]] for leaf in leaves])
         assert (np.abs(triangles[rows] - node["middle"]) <= node["half"]).all()
         if node["size"] > 0:
             seen[rows] += 1
-            assert node["skip"] == i + 1
+            assert node["skips"][0] == i + 1
     assert (seen == 1).all()
-    assert nodes[0]["skip"] == len(nodes)
+    assert nodes[0]["skips"][0] == len(nodes)
 
 
 def test_tree_is_shallow() -> None:
@@ -93,3 +96,24 @@ def test_clearance_is_the_distance_to_the_nearest_triangle() -> None:
         assert world.clearance(distance * ways) == pytest.approx(distance - 1.0 - BALL, abs=5e-3)
     body = sphere([0.0, 0.0, 0.0], 1.0, 64, 48)
     assert world.clearance(body[0] * 1.5) == pytest.approx(0.5 - BALL, abs=1e-12)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_walks_go_into_the_nearer_child_first(kind: str) -> None:
+    """In each octant's order every node comes once, and after a node its child on the side the path comes from."""
+    nodes, _ = build_tree(soup(kind, np.random.default_rng(3)))
+    for o, signs in enumerate(itertools.product([1, -1], repeat=3)):
+        way = signs[::-1]  # The lowest bit is that of x.
+        assert octant(Vec3(*map(float, way))) == o
+        i, seen = 0, []
+        while i < len(nodes):
+            node = nodes[i]
+            seen.append(i)
+            children = [i + 1, int(node["first"])]
+            if node["size"] > 0:
+                i = int(node["skips"][o])
+                continue
+            near, far = children[:: way[node["axis"]]]
+            assert (nodes[near]["skips"][o], nodes[far]["skips"][o]) == (far, node["skips"][o])
+            i = near
+        assert sorted(seen) == list(range(len(nodes)))

@@ -291,3 +291,16 @@ def test_grazing_within_the_tolerance_is_free() -> None:
             start, end = np.array([-length, -0.5, 0.02 - 1e-12 - depth]), np.array([length, -0.5, 0.02 + 1e-12 - depth])
             assert not sweep_sphere(start, end, 0.02, floor).hit
             assert not sweep_sphere(end, start, 0.02, floor).hit
+
+
+@pytest.mark.parametrize("depth", [-1e-12, 0.0, 1e-13, 3e-13, 8e-13, 1e-12, 1e-9, 1e-6])
+def test_edge_of_a_ridge_is_met_by_what_comes_deeper_than_the_tolerance(depth: float) -> None:
+    """Across an edge from which a face falls away, on a path along the tangent there: the tolerance is 5e-13."""
+    rng = np.random.default_rng(3)
+    for _ in range(500):
+        tilt, turn, share = 10.0 ** rng.uniform(-4, -0.5), rng.uniform(-1.3, 1.3), rng.uniform(0.1, 0.9)
+        ridge = np.array([[[0.0, -1.0, 0.0], [1.0, -1.0, -tilt], [0.0, 1.0, 0.0]]])
+        way = 10.0 ** rng.uniform(-2, -1) * np.array([np.cos(turn), np.sin(turn), 0.0])
+        start = np.array([0.0, rng.uniform(-0.5, 0.5), 0.02 - depth]) - share * way
+        for a, b in ((start, start + way), (start + way, start)):
+            assert sweep_sphere(a, b, 0.02, ridge).hit == (depth > 5e-13)

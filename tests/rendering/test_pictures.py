@@ -123,6 +123,16 @@ def test_pictures_are_those_looked_at_when_they_were_made(camera: str) -> None:
     assert difference(now, stored) < 4.0 * ALIKE
 
 
+def test_a_hidden_ball_is_hinted_at() -> None:
+    """Behind the border a pale disc shows where it is; in the open there is none over the ball."""
+    camera = Camera((-0.6, 0.6, 0.15), (0.3, 0.6, 0.0))
+    hidden = moment((0.03, 0.6))._replace(lines=())
+    away = hidden._replace(ball=hidden.ball + np.array([3.0, 0.0, 0.0]))
+    seen = draw(DOGLEG, camera, hidden, SIZE, "high"), draw(DOGLEG, camera, away, SIZE, "high")
+    changed = np.abs(seen[0].astype(int) - seen[1]).max(axis=2) > 20
+    assert 20 < changed.sum() < 0.02 * changed.size
+
+
 def without(what: str) -> Picture:
     """Return the followed picture with something missing from it."""
     frame = moment()

@@ -100,7 +100,7 @@ def test_a_resized_window_is_filled(display: str) -> None:
         wide.reset(seed=1)
         expected = wide.render()
         while True:
-            window()._listen()
+            window().show(*window()._shown)
             x, y = window().window.get_location()
             seen = np.asarray(ImageGrab.grab(xdisplay=display).convert("RGB"))[y:y + 300, x:x + 200]
             if np.abs(seen.astype(int) - expected).mean() < 8.0: break
@@ -122,3 +122,48 @@ def test_two_windows_at_once(display: str) -> None:
         print("both")
     """
     assert run(display, code) == "both"
+
+
+def test_windows_and_other_users_of_egl_live_together(display: str) -> None:
+    """A context that another library has left current keeps its state and stays current; the window is drawn."""
+    code = """
+        from OpenGL import EGL, GL
+        from minigolf_env.rendering.gl_context import HeadlessContext
+        def current(): return __import__("ctypes").cast(EGL.eglGetCurrentContext(), __import__("ctypes").c_void_p).value
+        with HeadlessContext().current():
+            buffers = GL.glGenBuffers(3)
+            for buffer in buffers:
+                GL.glBindBuffer(GL.GL_UNIFORM_BUFFER, buffer)
+                GL.glBufferData(GL.GL_UNIFORM_BUFFER, 64, bytes([buffer]) * 64, GL.GL_STATIC_DRAW)
+            mine = current()
+            human.reset(seed=1), array.reset(seed=1)
+            for _ in range(2): human.step(putt), array.step(putt)
+            assert current() == mine
+            for buffer in buffers:
+                GL.glBindBuffer(GL.GL_UNIFORM_BUFFER, buffer)
+                assert bytes(GL.glGetBufferSubData(GL.GL_UNIFORM_BUFFER, 0, 64)) == bytes([buffer]) * 64
+        for env in (human, array): env.unwrapped.set_state({"position": (2.0, 0.3, 0.03)})
+        wait_for(array.render())
+        human.close()
+        print("together")
+    """
+    assert run(display, code) == "together"
+
+
+def test_a_hidden_window_draws_what_egl_draws(display: str) -> None:
+    """The way of systems without EGL, to the same bits."""
+    code = """
+        from minigolf_env.courses import load_course
+        from minigolf_env.rendering import still
+        from minigolf_env.rendering.offscreen import Studio, draw
+        from minigolf_env.rendering.window import HiddenWindow
+        course = load_course("dogleg")
+        camera, frame = still(course, "tee", 4 / 3, np.array([0.4, 0.6, 0.03]))
+        studio = Studio(HiddenWindow())
+        for profile in ("high", "fast", "fast"):
+            with studio.context.current():
+                picture = studio.draw((course, camera, (160, 120), profile), frame)
+            assert (picture == draw(course, camera, frame, (160, 120), profile)).all()
+        print("same")
+    """
+    assert run(display, code) == "same"

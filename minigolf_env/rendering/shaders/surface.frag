@@ -66,6 +66,10 @@ const float TONE = 0.75;
 float speckle(vec2 uv) { return texture(detail, uv).r; }
 
 void main() {
+#if MATERIAL == GHOST
+    color = vec4(1.0, 1.0, 1.0, 0.3);  // The ball, seen through what is in front of it.
+    return;
+#endif
     vec3 n = normalize(facing);
     vec3 albedo = vec3(0.8);
     float gloss = 0.0;
@@ -77,7 +81,7 @@ void main() {
     float fibre_noise = speckle(place.xy * 1.9);
     albedo = mix(vec3(0.062, 0.235, 0.050), vec3(0.090, 0.300, 0.066), stripe);
     albedo *= 0.55 + 0.9 * fibre_noise;
-    if (n.z < 0.05) albedo = vec3(0.16, 0.13, 0.10) * (0.6 + 0.8 * fibre_noise);
+    if (n.z < 0.05) albedo = vec3(0.16, 0.13, 0.10) * (0.6 + 0.8 * speckle(vec2(place.x + place.y, place.z) * 1.9));
 #elif MATERIAL == LAWN
     float noise = speckle(place.xy * 0.43);
     float weave = sin((place.x + place.y) * (PI / 0.9)) * sin((place.x - place.y) * (PI / 0.9));

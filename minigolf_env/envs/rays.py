@@ -1,0 +1,57 @@
+"""The observation "rays": what a ball can feel of a hole it has never seen."""
+
+from __future__ import annotations
+
+import math
+from typing import cast
+
+import numpy as np
+from gymnasium.spaces import Box, Space
+from numpy.typing import NDArray
+
+from minigolf_env.envs.task import OBSERVATION, FloatArray, Task
+
+RAYS = 32
+"""Horizontal directions, the first along x, counter-clockwise."""
+
+REACH = 4.0
+"""How far a ray goes, m: most of a lane."""
+
+LIFT = 1.0
+"""How far above its lie the ball is moved along a ray, in radii: over the grain of the ground, into any border."""
+
+DEPTH = 0.5
+"""How far below the ball the ground is looked for, m."""
+
+STEEPEST = 0.1
+"""The least upward part of a normal that a slope is computed with."""
+
+TURNS = 2.0 * math.pi * np.arange(RAYS) / RAYS
+WAYS = REACH * np.stack([np.cos(TURNS), np.sin(TURNS), np.zeros(RAYS)], axis=-1)
+GROUND = 3
+"""Numbers about the ground: how far below the ball, and the slope along x and y."""
+
+
+def ray_space() -> Space[NDArray[np.float32]]:
+    """Return the space of "rays" observations: "state"'s 10 numbers, RAYS distances, GROUND numbers of the ground."""
+    return cast(Space[NDArray[np.float32]], Box(-1.0, 1.0, (len(OBSERVATION) + RAYS + GROUND,), np.float32))
+
+
+def observe_rays(task: Task, positions: FloatArray, strokes: NDArray[np.int64]) -> NDArray[np.float32]:
+    """Return observations (N, 45) of balls at positions (N, 3), m, after a number of strokes (N,).
+
+    A ray is the way that the ball itself has free in its direction, by the exact sweep. Where it has no room to be
+    lifted (under a low roof) it is swept from where it lies.
+    """
+    sweep, down = task.world.sweep_batch, np.array([0.0, 0.0, -DEPTH])
+    up = np.array([0.0, 0.0, LIFT * task.world.ball_radius])
+    has_room = ~np.asarray(sweep(positions, positions + up).hit)
+    starts = positions + has_room[:, None] * up
+    rays = sweep(np.repeat(starts, RAYS, axis=0), (starts[:, None] + WAYS).reshape(-1, 3))
+    ground = sweep(positions, positions + down)
+    normals = np.asarray(ground.normal)
+    slopes = -normals[:, :2] / np.maximum(normals[:, 2:], STEEPEST)
+    slopes[~np.asarray(ground.hit)] = 0.0
+    distances = np.asarray(rays.alpha).reshape(-1, RAYS)
+    felt = np.concatenate([distances, np.asarray(ground.alpha)[:, None], np.clip(slopes, -1.0, 1.0)], axis=1)
+    return np.concatenate([task.observe(positions, strokes), felt.astype(np.float32)], axis=1)

@@ -1,0 +1,69 @@
+"""What a ball feels around itself: the exact sweep's distances, whatever the hole."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from gymnasium.utils.env_checker import check_env
+from numpy.typing import NDArray
+
+from minigolf_env.envs import MiniGolfEnv, MiniGolfVectorEnv
+from minigolf_env.envs.rays import RAYS, REACH, TURNS
+
+BALL = 0.02135
+
+
+def at(x: float, y: float) -> NDArray[Any]:
+    """Return the 35 numbers that "rays" adds, of a ball on the dogleg's felt."""
+    env = MiniGolfEnv(observation="rays")
+    return np.asarray(env.reset(options={"position": (x, y, BALL)})[0][10:])
+
+
+def test_rays_end_at_the_borders() -> None:
+    """On the first leg of the dogleg: to the borders along x and y, less the ball's radius."""
+    felt = at(0.5, 0.4)[:RAYS] * REACH
+    np.testing.assert_allclose(felt[RAYS // 4], 1.25 - 0.4 - BALL, atol=1e-6)
+    np.testing.assert_allclose(felt[RAYS // 2], 0.5 - BALL, atol=1e-6)
+    np.testing.assert_allclose(felt[3 * RAYS // 4], 0.4 - BALL, atol=1e-6)
+    np.testing.assert_allclose(felt[5 * RAYS // 8], (0.4 - BALL) * np.sqrt(2.0), atol=1e-6)
+
+
+def test_a_ball_goes_as_far_as_its_ray() -> None:
+    """Moved by a ray's length the ball touches, moved a little less it does not, moved more it intersects."""
+    env = MiniGolfEnv(observation="rays")
+    world = env.task.world
+    rng = np.random.default_rng(0)
+    for x, y in rng.uniform((0.1, 0.1), (2.5, 1.1), (40, 2)):
+        lie = np.array([x, y, BALL])
+        if world.clearance(lie) < 0:
+            continue
+        felt = env.reset(options={"position": tuple(lie)})[0][10:].astype(np.float64)
+        for turn, share in zip(TURNS, felt[:RAYS], strict=True):
+            if share < 1.0:
+                touching = lie + [0, 0, BALL] + share * REACH * np.array([np.cos(turn), np.sin(turn), 0.0])
+                assert abs(world.clearance(touching)) < 1e-6
+
+
+def test_the_ground_is_felt() -> None:
+    """Level felt: no drop, no slope. Over the cup the ground is further down."""
+    np.testing.assert_array_equal(at(1.0, 0.3)[RAYS:], [0.0, 0.0, 0.0])
+    assert at(3.45, 2.1)[RAYS] > 0.1
+
+
+def test_a_batch_feels_what_single_environments_do() -> None:
+    """Bit for bit."""
+    batch = MiniGolfVectorEnv(5, observation="rays")
+    singles = [MiniGolfEnv(observation="rays") for _ in range(5)]
+    observed = batch.reset(seed=3)[0]
+    np.testing.assert_array_equal(observed, [env.reset(seed=3 + i)[0] for i, env in enumerate(singles)])
+    putts = np.random.default_rng(0).uniform(-1, 1, (5, 2)).astype(np.float32)
+    np.testing.assert_array_equal(
+        batch.step(putts)[0], [env.step(putt)[0] for env, putt in zip(singles, putts, strict=True)]
+    )
+
+
+def test_the_checker_accepts_rays() -> None:
+    """Gymnasium's; there is no display here."""
+    check_env(gym.make("MiniGolf-v0", observation="rays").unwrapped, skip_render_check=True)
