@@ -24,27 +24,10 @@ from minigolf_env.courses.shapes import (
     Profile,
     Record,
     Shapes,
-    Share,
     Sides,
+    SurfaceRecord,
     Turn,
 )
-
-
-class SurfaceRecord(Record):
-    """How something plays and what it looks like."""
-
-    damping: Share = 0.7
-    """Share of velocity that an impact keeps."""
-    restitution: Share | None = None
-    """Of the normal velocity alone; damping unless given."""
-    tangential: Share | None = None
-    """Of the tangential velocity alone; damping unless given."""
-    rolling: Annotated[float, Field(strict=True, ge=0.0, le=1000.0)] | None = None
-    """Rolling resistance; or give ``stimp``."""
-    stimp: Annotated[float, Field(strict=True, gt=0.0, le=1000.0)] | None = None
-    """Speed of a green, feet on a stimpmeter: 8 slow, 12 fast."""
-    material: Material = "wood"
-    color: Colour | None = None
 
 
 class PartRecord(Record):

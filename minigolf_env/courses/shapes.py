@@ -1,4 +1,4 @@
-"""What descriptions of holes are made of: numbers, shapes in plan and heights, checked field by field.
+"""What descriptions of holes are made of: numbers, shapes in plan, heights and surfaces, checked field by field.
 
 Metres and degrees; "turn" is counter-clockwise seen from above, 0 looks along x.
 """
@@ -10,6 +10,8 @@ from typing import Annotated, Any, Literal, TypeAlias
 
 from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, model_validator
 from pydantic_core import PydanticCustomError
+
+from minigolf_env.courses.course import Material
 
 Number: TypeAlias = Annotated[float, Field(strict=True, ge=-1000.0, le=1000.0, allow_inf_nan=False)]
 Length: TypeAlias = Annotated[float, Field(strict=True, gt=0.0, le=1000.0, allow_inf_nan=False)]
@@ -135,3 +137,20 @@ class Waves(Record):
 
 
 Height: TypeAlias = Annotated[Radial | Along | Waves, Field(discriminator="kind")]
+
+
+class SurfaceRecord(Record):
+    """How something plays and what it looks like."""
+
+    damping: Share = 0.7
+    """Share of velocity that an impact keeps."""
+    restitution: Share | None = None
+    """Of the normal velocity alone; damping unless given."""
+    tangential: Share | None = None
+    """Of the tangential velocity alone; damping unless given."""
+    rolling: Annotated[float, Field(strict=True, ge=0.0, le=1000.0)] | None = None
+    """Rolling resistance; or give ``stimp``."""
+    stimp: Annotated[float, Field(strict=True, gt=0.0, le=1000.0)] | None = None
+    """Speed of a green, feet on a stimpmeter: 8 slow, 12 fast."""
+    material: Material = "wood"
+    color: Colour | None = None

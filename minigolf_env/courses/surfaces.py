@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from minigolf_env.courses.course import Material
-from minigolf_env.courses.description import SurfaceRecord
+from minigolf_env.courses.shapes import SurfaceRecord
 from minigolf_env.physics import Surface
 
 
