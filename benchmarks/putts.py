@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 import tyro
 
-from minigolf_env.courses import load_course
+from minigolf_env.courses import list_courses, load_course
+from minigolf_env.envs.options import make_task
 from minigolf_env.physics import Status
 
 
@@ -21,7 +22,7 @@ class Args:
 
     putts: int = 100_000
     seed: int = 0
-    courses: tuple[str, ...] = ("dogleg", "room")
+    courses: tuple[str, ...] = (*list_courses(), "room")
 
 
 def main(args: Args) -> None:
@@ -41,9 +42,12 @@ def main(args: Args) -> None:
         began = time.perf_counter()
         shots = world.simulate_batch(positions, velocities)
         seconds = time.perf_counter() - began
+        holed = ""
+        if course.cup is not None:
+            holed = f", holed {make_task(course).is_holed(shots.position, shots.velocity).mean():.2%}"
         ends = {status.name.lower(): int((np.asarray(shots.status) == status).sum()) for status in Status}
         clearance = world.clearance(shots.position).min() / world.scale
-        print(f"{name}: {args.putts:,} putts, {ends}, exhausted {np.sum(shots.exhausted)}", end=", ")
+        print(f"{name}: {args.putts:,} putts, {ends}, exhausted {np.sum(shots.exhausted)}{holed}", end=", ")
         print(f"clearance >= {clearance:.1e} x scale, {args.putts / seconds:,.0f} putts/s")
 
 

@@ -74,6 +74,70 @@ def video(
     film(output, course, policy, episodes=episodes, seed=seed, camera=camera, size=size, fps=fps, profile=profile)
 
 
+@app.command
+def courses(pictures: Path | None = None) -> None:
+    """List the bundled courses: par, size, triangles, and what makes them fun.
+
+    Args:
+        pictures: a folder to write a picture of each to, and all of them on one sheet, courses.png.
+    """
+    from minigolf_env.catalogue import table, write_pictures
+
+    print(table())
+    if pictures is not None:
+        print(f"wrote {write_pictures(pictures)}")
+
+
+@app.command
+def check(file: Annotated[str, tyro.conf.Positional], preview: Path | None = None) -> None:
+    """Say what is wrong with a hole of your own; exit with 0 if nothing is, else with 1.
+
+    Args:
+        file: a .toml or .glb file, or a bundled course's name.
+        preview: a picture to write, if the hole can be loaded: .png.
+    """
+    from minigolf_env.catalogue import check as faults_of
+    from minigolf_env.catalogue import write_preview
+    from minigolf_env.courses import CourseError, load_course
+
+    faults = list(faults_of(file))
+    for fault in faults:
+        print(fault, file=sys.stderr)
+    try:
+        course = load_course(file)
+    except CourseError:
+        sys.exit(FAILED)
+    if preview is not None:
+        write_preview(course, preview)
+        print(f"wrote {preview}")
+    if faults:
+        sys.exit(FAILED)
+    print(f"{course.name}: nothing is wrong.")
+
+
+@app.command(name="map")
+def map_(
+    output: Annotated[Path, tyro.conf.arg(aliases=["-o"])] = Path("map.png"),
+    course: str = "dogleg",
+    tee: tuple[float, float] | None = None,
+    directions: int = 720,
+    speeds: int = 140,
+) -> None:
+    """Draw where putts in every direction and at every speed end, and which hole out.
+
+    Args:
+        output: the picture to write.
+        course: a hole's name or file.
+        tee: x and y of the ball, m; left out: the middle of the tee.
+        directions: how many.
+        speeds: how many.
+    """
+    from minigolf_env.maps import write_map
+
+    putts = write_map(output, course, tee, directions, speeds, progress=True)
+    print(f"wrote {output}: {putts.outcome.result.size:,} putts, {putts.outcome.holed.sum():,} holes in one")
+
+
 def main(args: Sequence[str] | None = None) -> None:
     """Run the command line, or the given arguments; a user's mistake is one line on stderr."""
     from minigolf_env.rendering import RenderingError

@@ -17,7 +17,7 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 GROUPS = [PROJECT["dependencies"], *PROJECT["optional-dependencies"].values()]
 REQUIREMENTS = [Requirement(line) for group in GROUPS for line in group]
 
-LAZY = ("OpenGL", "pyglet", "shapely", "stable_baselines3", "torch", "trimesh")
+LAZY = ("OpenGL", "matplotlib", "pydantic", "pyglet", "shapely", "stable_baselines3", "torch", "trimesh")
 
 
 def read_pins() -> dict[str, str]:

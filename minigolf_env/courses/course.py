@@ -18,7 +18,8 @@ from minigolf_env.physics.checks import finite_array, one_of, positive_number
 
 Point2: TypeAlias = tuple[float, float]
 Point3: TypeAlias = tuple[float, float, float]
-Material: TypeAlias = Literal["felt", "wood", "stone", "wall", "cup"]
+Material: TypeAlias = Literal["felt", "wood", "stone", "wall", "cup", "brick", "paint", "water"]
+Color: TypeAlias = tuple[float, float, float]
 
 GOLF_BALL = 0.02135
 """Radius of a golf ball, m: the smallest the rules of golf allow (diameter 42.67 mm)."""
@@ -47,7 +48,7 @@ class Cup:
     """From the rim to the bottom, m; the least that the rules of golf allow (101.6 mm), rounded."""
 
     def __post_init__(self) -> None:
-        with _faults_of("cup"):
+        with faults_of("cup"):
             finite_array(self.position, (3,), "position", "give x, y, z of the rim's centre in metres.")
             positive_number(self.radius, "radius", "the rules of golf have 0.054 m.")
             positive_number(self.depth, "depth", "0.1 m suits a golf ball.")
@@ -78,7 +79,7 @@ class Tee:
     """Level z of the floor below the ball, m; where the ball starts in the air, that of the ball's lowest point."""
 
     def __post_init__(self) -> None:
-        with _faults_of("tee"):
+        with faults_of("tee"):
             lower = finite_array(self.lower, (2,), "lower", "give x, y in metres.")
             upper = finite_array(self.upper, (2,), "upper", "give x, y in metres.")
             finite_array(self.height, (), "height", "give the floor's level in metres.")
@@ -96,7 +97,7 @@ class Part:
     """A named piece of a course.
 
     Raises:
-        CourseError: the mesh is not closed, or the material is unknown.
+        CourseError: the mesh is not closed, the material is unknown, or the colour out of range.
     """
 
     name: str
@@ -104,10 +105,16 @@ class Part:
     """Closed, its faces wound so that they look at the ball."""
     material: Material
     """What it looks like; how it plays is its mesh's surface."""
+    color: Color | None = None
+    """What the material is dyed, red, green and blue in [0, 1] (sRGB); None: its own colour."""
 
     def __post_init__(self) -> None:
-        with _faults_of(f"part {self.name!r}"):
+        with faults_of(f"part {self.name!r}"):
             one_of(self.material, get_args(Material), "material")
+            if self.color is not None:
+                shares = finite_array(self.color, (3,), "color", "give red, green, blue in [0, 1].")
+                if not ((shares >= 0.0) & (shares <= 1.0)).all():
+                    raise CourseError(f"color: expected shares in [0, 1], received {self.color}; divide by 255.")
             if not self.mesh.is_closed or self.mesh.two_sided:
                 raise CourseError(
                     f"mesh: expected a closed, one-sided TriangleMesh, received {self.mesh!r}; "
@@ -144,7 +151,7 @@ class Course:
     """m/s^2."""
 
     def __post_init__(self) -> None:
-        with _faults_of(f"course {self.name!r}"):
+        with faults_of(f"course {self.name!r}"):
             if not self.parts or not all(isinstance(part, Part) for part in self.parts):
                 raise CourseError(f"parts: expected at least one Part, received {self.parts!r:.80}.")
             positive_number(self.top_speed, "top_speed", "give the launch speed of a full putt in m/s.")
@@ -168,7 +175,7 @@ class Course:
             impact=impact,
             bounds=self.bounds,
         )
-        with _faults_of(f"course {self.name!r}"):
+        with faults_of(f"course {self.name!r}"):
             for position in self._places():
                 world.require_free(position)
         return world
@@ -211,7 +218,7 @@ class Course:
 
 
 @contextmanager
-def _faults_of(whose: str) -> Iterator[None]:
+def faults_of(whose: str) -> Iterator[None]:
     """Turn the ValueErrors of checks into CourseErrors that say whose fault it is."""
     try:
         yield

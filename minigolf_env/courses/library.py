@@ -1,20 +1,37 @@
-"""The bundled courses by name."""
+"""Courses by name, and course files by path."""
 
 from __future__ import annotations
 
 import functools
+from pathlib import Path
 
 from minigolf_env.courses.course import Course, CourseError
+from minigolf_env.courses.limits import Limits
 from minigolf_env.physics.checks import one_of, positive_number
 
-HOLES = ("dogleg",)
-"""Courses with a cup."""
+DATA = Path(__file__).parent / "data"
+
+HOLES = (
+    "straight",
+    "dogleg",
+    "bank",
+    "hill",
+    "gap",
+    "funnel",
+    "tunnel",
+    "halfpipe",
+    "loop",
+    "volcano",
+    "islands",
+    "green100k",
+)
+"""Courses with a cup, in the order of play."""
 
 ROOMS = ("room",)
 """Courses without: a ball is thrown and bounces."""
 
 FILES = (".toml", ".glb")
-"""Endings of the course files that a later version will read."""
+"""Endings of course files."""
 
 
 def list_courses() -> list[str]:
@@ -22,29 +39,38 @@ def list_courses() -> list[str]:
     return list(HOLES)
 
 
-def load_course(name: str | Course, cup_radius: float | None = None) -> Course:
-    """Return a course by its name, or a Course as it is. Courses are immutable: the same request gives the same one.
+def load_course(name: str | Path | Course, cup_radius: float | None = None, limits: Limits | None = None) -> Course:
+    """Return a course by its name or file, or a Course as it is.
+
+    Courses are immutable: the same request gives the same one, as long as the file stays as it is.
 
     Args:
-        name: one of ``list_courses()``; "room", which has no cup; or a Course.
+        name: one of ``list_courses()``; "room", which has no cup; the path of a .toml or .glb file; or a Course.
         cup_radius: m; the hole is cut anew into the floor. None: the course's.
+        limits: on the size of a file and what it describes; None: the default.
 
     Raises:
-        CourseError: no such course, one without cup or already cut, or a radius that the ball or the floor does not
-            take.
+        CourseError: no such course, a fault in its file, a cup that is already cut, or a radius that the ball or the
+            floor does not take.
     """
     if isinstance(name, Course):
         return _as_it_is(name, cup_radius)
-    if str(name).endswith(FILES):
-        raise CourseError(
-            f"course: expected one of {HOLES + ROOMS}, received {name!r}; course files come in a later version."
-        )
     try:
-        known = one_of(name, HOLES + ROOMS, "course")
         radius = None if cup_radius is None else positive_number(cup_radius, "cup_radius", "the rules have 0.054 m.")
+        path = _path(name)
     except ValueError as error:
         raise CourseError(str(error)) from error
-    return _build(known, radius)
+    return _read(path, path.stat().st_mtime_ns, radius, limits or Limits())
+
+
+def _path(name: str | Path) -> Path:
+    """Return the file of a course, or raise a ValueError."""
+    if Path(str(name)).suffix.lower() in FILES:
+        path = Path(name)
+        if path.is_file():
+            return path.resolve()
+        raise ValueError(f"course: expected a course file, received {str(name)!r}, which is not there; check the path.")
+    return DATA / f"{one_of(name, HOLES + ROOMS, 'course')}.toml"
 
 
 def _as_it_is(course: Course, cup_radius: float | None) -> Course:
@@ -57,12 +83,12 @@ def _as_it_is(course: Course, cup_radius: float | None) -> Course:
 
 
 @functools.lru_cache(maxsize=64)
-def _build(name: str, cup_radius: float | None) -> Course:
-    """Return the bundled course; imported here, because trimesh and shapely take longer than all the rest to load."""
-    from minigolf_env.courses import dogleg, room
+def _read(path: Path, changed: int, cup_radius: float | None, limits: Limits) -> Course:
+    """Return a file's course; imported here, because the libraries take longer than all the rest to load."""
+    if path.suffix.lower() == ".glb":
+        from minigolf_env.courses.glb import read_glb
 
-    if name == "dogleg":
-        return dogleg.build() if cup_radius is None else dogleg.build(cup_radius)
-    if cup_radius is not None:
-        raise CourseError(f"cup_radius: expected None for {name!r}, which has no cup, received {cup_radius!r}.")
-    return room.build()
+        return read_glb(path, cup_radius, limits)
+    from minigolf_env.courses.files import read_course
+
+    return read_course(path, cup_radius, limits)

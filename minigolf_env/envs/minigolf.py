@@ -65,7 +65,7 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
     the last stroke, ``course`` (str).
 
     ## Arguments
-    course: a name of ``minigolf_env.courses.list_courses()``, or a Course with a cup.
+    course: a name of ``minigolf_env.courses.list_courses()``, a course file, or a Course with a cup.
     render_mode: None; "rgb_array": ``render()`` returns a picture (height, width, 3), uint8, of where the ball lies and
         how it came there; "rgb_array_list": ``render()`` returns the pictures of all putts since the last call or the
         reset, 30 a second; "human": ``step()`` shows the putt in a window, in real time.

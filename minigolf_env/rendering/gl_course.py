@@ -15,6 +15,8 @@ from minigolf_env.rendering.moving import CLOTH, SUN, seen_between
 from minigolf_env.rendering.scene import build_scene
 
 FloatArray = NDArray[np.float64]
+Paint = tuple[str, tuple[float, float, float] | None]
+"""A material, and the colour it is dyed."""
 Runs = list[tuple[int, int]]
 """(first, count) of indices to draw."""
 
@@ -69,14 +71,14 @@ class CourseBuffers:
         self.frame = self._frame_block(course)
         """A record of FRAME_BLOCK with what is the same in every picture of the course."""
 
-    def visible(self, clip: FloatArray, edges: FloatArray) -> list[tuple[str, Runs]]:
-        """Return what may be seen between edges (2, 2) of a picture, by material."""
+    def visible(self, clip: FloatArray, edges: FloatArray) -> list[tuple[Paint, Runs]]:
+        """Return what may be seen between edges (2, 2) of a picture, by material and colour."""
         lower, upper = seen_between(*self._boxes, clip)
         outside = (upper < edges[0]) | (lower > edges[1])
-        runs: dict[str, Runs] = {}
+        runs: dict[Paint, Runs] = {}
         for chunk, hidden in zip(self.scene.chunks, outside.any(axis=1).tolist(), strict=True):
             if not hidden:
-                known = runs.setdefault(chunk.material, [])
+                known = runs.setdefault((chunk.material, chunk.color), [])
                 if known and sum(known[-1]) == chunk.start:
                     known[-1] = (known[-1][0], known[-1][1] + chunk.size)
                 else:

@@ -22,7 +22,21 @@ from minigolf_env.rendering.scene import VERTEX
 
 Picture = NDArray[np.uint8]
 
-MATERIALS = ("felt", "lawn", "wood", "stone", "wall", "cup", "cloth", "pole", "ball", "ghost")
+MATERIALS = (
+    "felt",
+    "lawn",
+    "wood",
+    "stone",
+    "wall",
+    "cup",
+    "brick",
+    "paint",
+    "water",
+    "cloth",
+    "pole",
+    "ball",
+    "ghost",
+)
 """What surface.frag knows how to paint: a program each."""
 
 FRAME_SLOT = 5
@@ -56,13 +70,20 @@ class Program:
         if block != GL.GL_INVALID_INDEX:
             GL.glUniformBlockBinding(self.name, block, FRAME_SLOT)
         self._model = GL.glGetUniformLocation(self.name, "model")
+        self._dye = GL.glGetUniformLocation(self.name, "dye")
         self.place(np.eye(4))
+        self.dye(None)
         for unit, sampler in enumerate(("sun_map", "sky_map", "detail", "dimples")):
             GL.glUniform1i(GL.glGetUniformLocation(self.name, sampler), unit)
 
     def place(self, model: NDArray[np.float64]) -> None:
         """Put what it draws from now on where a matrix (4, 4) says; the program is in use."""
         GL.glUniformMatrix4fv(self._model, 1, GL.GL_TRUE, model.astype(np.float32))
+
+    def dye(self, color: tuple[float, float, float] | None) -> None:
+        """Dye what it draws from now on with sRGB shares, or not; the program is in use."""
+        if self._dye >= 0:
+            GL.glUniform4f(self._dye, *((*color, 1.0) if color is not None else (0.0, 0.0, 0.0, 0.0)))
 
 
 def source(name: str) -> str:

@@ -70,7 +70,7 @@ class Renderer:
         GL.glBindBuffer(GL.GL_UNIFORM_BUFFER, self._frame)
         GL.glBufferData(GL.GL_UNIFORM_BUFFER, FRAME_BLOCK.itemsize, None, GL.GL_DYNAMIC_DRAW)
         felt, wood, stone = (texture(image) for image in (textures.felt(), textures.wood(), textures.stone()))
-        self._paint = {"felt": felt, "lawn": felt, "wood": wood, "stone": stone}
+        self._paint = {"felt": felt, "lawn": felt, "wood": wood, "stone": stone, "brick": stone, "water": stone}
         self._dimples = cube_map(textures.ball())
         self._ball, self._small_ball = Mesh(*models.sphere(16, 32)), Mesh(*models.sphere(6, 12))
         self._pole = Mesh(*models.pole())
@@ -99,8 +99,8 @@ class Renderer:
         self._begin(target, part)
         self._bind(buffers)
         edges = _edges(part, size)
-        for material, runs in buffers.visible(clip, edges):
-            self._use(material)
+        for (material, color), runs in buffers.visible(clip, edges):
+            self._use(material, color=color)
             buffers.draw(runs)
         self._use("lawn")
         buffers.lawn.draw()
@@ -137,11 +137,14 @@ class Renderer:
             GL.glBindTexture(kind, name)
         GL.glActiveTexture(GL.GL_TEXTURE2)
 
-    def _use(self, material: str, model: FloatArray | None = None) -> None:
+    def _use(
+        self, material: str, model: FloatArray | None = None, color: tuple[float, float, float] | None = None
+    ) -> None:
         program = self._program(material)
         GL.glUseProgram(program.name)
         if model is not None:
             program.place(model)
+        program.dye(color)
         if material in self._paint:
             GL.glBindTexture(GL.GL_TEXTURE_2D, self._paint[material])
 

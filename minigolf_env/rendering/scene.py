@@ -26,9 +26,11 @@ VERTEX = np.dtype([("position", "<f4", (3,)), ("normal", "<f4", (3,)), ("grain",
 
 
 class Chunk(NamedTuple):
-    """A run of triangles of one material that lie close together."""
+    """A run of triangles of one material and colour that lie close together."""
 
     material: str
+    color: tuple[float, float, float] | None
+    """What it is dyed; None: nothing."""
     start: int
     """In the indices."""
     size: int
@@ -57,7 +59,7 @@ def build_scene(course: Course) -> Scene:
     """Return what is drawn of a course."""
     vertices, indices, chunks = [], [], []
     first_vertex = first_index = 0
-    for part in sorted(course.parts, key=lambda part: part.material):
+    for part in sorted(course.parts, key=lambda part: (part.material, part.color or ())):
         corners = part_corners(part)
         for run in _runs(corners["position"]):
             unique, index = np.unique(corners[run].reshape(-1).view("V36"), return_inverse=True)
@@ -65,7 +67,7 @@ def build_scene(course: Course) -> Scene:
             vertices.append(points)
             indices.append((index.reshape(-1) + first_vertex).astype(np.uint32))
             box = points["position"].astype(np.float64)
-            chunks.append(Chunk(part.material, first_index, index.size, box.min(axis=0), box.max(axis=0)))
+            chunks.append(Chunk(part.material, part.color, first_index, index.size, box.min(axis=0), box.max(axis=0)))
             first_vertex += len(points)
             first_index += index.size
     lower = np.min([chunk.lower for chunk in chunks], axis=0)

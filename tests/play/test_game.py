@@ -20,6 +20,11 @@ def new_game(folder: Path, opponent: Policy | None = None) -> Game:
     return Game("dogleg", BestScores(folder / "scores.json"), opponent, "search")
 
 
+def row(game: Game) -> list[str]:
+    """Return what the card says of the dogleg."""
+    return next(cells for cells in game.card.rows({}) if cells[0] == "Dogleg")
+
+
 def test_a_stroke_is_what_the_environment_plays(tmp_path: Path) -> None:
     """The path shown begins where the ball was struck and ends where it lies."""
     game = new_game(tmp_path)
@@ -55,7 +60,7 @@ def test_undo_takes_back_and_makes_it_practice(tmp_path: Path) -> None:
     assert np.array_equal(game.ball, start)
     assert (game.strokes, game.practice) == (0, True)
     game.strike(game.hint())
-    assert game.card.rows({})[1] == ["Dogleg", "2", "1 *", "–"]
+    assert row(game) == ["Dogleg", "2", "1 *", "–"]
     assert game.best.best == {}
     assert game.undo() and not game.is_over
     assert game.verdict(YOU) == ""
@@ -80,7 +85,7 @@ def test_strokes_run_out(tmp_path: Path) -> None:
     game = new_game(tmp_path)
     while not game.is_over:
         game.strike(SOFT)
-    assert "10 (out)" in game.card.rows({})[1]
+    assert "10 (out)" in row(game)
     assert game.best.best == {}
 
 
@@ -95,7 +100,7 @@ def test_the_opponent_plays_after_the_human(tmp_path: Path) -> None:
     stroke = game.rival_strike(game.rival_choice())
     assert (stroke.who, stroke.status) == ("search", "holed")
     assert not game.awaits_rival
-    assert game.card.rows({})[1] == ["Dogleg", "2", "1", "1", "–"]
+    assert row(game) == ["Dogleg", "2", "1", "1", "–"]
     game.undo()
     assert game.card.get("search", "dogleg") is None
 

@@ -11,7 +11,11 @@ from pathlib import Path
 
 import pytest
 
+from minigolf_env.courses import list_courses
 from tests.play.desktop import MISSING, PATIENCE, Player, desktop
+
+HOLE = 1 + list_courses().index("dogleg")
+"""The dogleg's row on the card; the first is the head."""
 
 needs_desktop = pytest.mark.skipif(bool(MISSING), reason=f"needs a virtual desktop; not installed: {MISSING}")
 
@@ -64,7 +68,7 @@ def test_a_hole_with_mouse_and_keys(display: str, tmp_path: Path) -> None:
         player.key("Return", "space")
         assert player.wait("putt")["x"] == hint["x"]
         player.wait("rest", status="holed", strokes=1)
-        assert player.wait("over")["rows"][1] == ["Dogleg", "2", "1 *", "–"]
+        assert player.wait("over")["rows"][HOLE] == ["Dogleg", "2", "1 *", "–"]
         player.do("windowsize", player.window(), 700, 420)
         assert player.wait("idle", size=[700, 420])["ready"] is False
         player.move(300, 200)
@@ -92,7 +96,7 @@ def test_the_opponent_and_the_scores_of_the_next_game(display: str, tmp_path: Pa
         player.wait("rest", who="You", status="holed")
         player.key("space")
         player.wait("rest", who="search", status="holed")
-        assert player.wait("over")["rows"][1] == ["Dogleg", "2", "1", "1", "1"]
+        assert player.wait("over")["rows"][HOLE] == ["Dogleg", "2", "1", "1", "1"]
         player.close()
         assert player.ended() == 0, player.errors()
     scores = tmp_path / "data" / "minigolf_env" / "scores.json"

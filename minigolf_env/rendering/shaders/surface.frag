@@ -9,6 +9,7 @@ uniform sampler2D sky_map;   // the same, straight down, blurred wider
 uniform sampler2D detail;    // the material's texture, grey
 uniform samplerCube dimples;
 uniform mat4 model;
+uniform vec4 dye;            // sRGB, and whether the material has it instead of its own colour
 
 // The share of light that reaches a depth, from the mean and mean square of the depths that stop it around there
 // (W. Donnelly and A. Lauritzen, "Variance Shadow Maps", 2006); `least` is the variance of a flat surface, `fade` how
@@ -48,6 +49,19 @@ float past_flag(vec3 p) {
     float there = step(0.0, t) * step(0.0, q.z) * step(0.0, drop + blur);
     return 1.0 - there * max(pole, sheet);
 }
+
+// Brightness of a material's middle tone.
+#if MATERIAL == FELT
+const float TONE = 0.17;
+#elif MATERIAL == WOOD
+const float TONE = 0.26;
+#elif MATERIAL == STONE || MATERIAL == BRICK
+const float TONE = 0.40;
+#elif MATERIAL == WATER
+const float TONE = 0.14;
+#else
+const float TONE = 0.75;
+#endif
 
 float speckle(vec2 uv) { return texture(detail, uv).r; }
 
@@ -93,6 +107,26 @@ void main() {
     albedo = vec3(0.86);
     if (cup.w > 0.0) albedo *= mix(0.10, 1.0, smoothstep(-1.3 * cup.w, 0.0, place.z - cup.z));
     gloss = 0.2;
+#elif MATERIAL == BRICK
+    // Courses of 65 mm, bricks of 200 mm, mortar of 8 mm.
+    vec2 wall = abs(n.z) > 0.7 ? place.xy : vec2(abs(n.x) > abs(n.y) ? place.y : place.x, place.z);
+    vec2 course = vec2(wall.x / 0.20, wall.y / 0.065);
+    course.x += 0.5 * mod(floor(course.y), 2.0);
+    vec2 brick = fract(course), edge = min(brick, 1.0 - brick) * vec2(0.20, 0.065);
+    float each = fract(sin(dot(floor(course), vec2(12.9898, 78.233))) * 43758.5453);
+    float mortar = smoothstep(0.003, 0.005, min(edge.x, edge.y));
+    albedo = mix(vec3(0.50, 0.47, 0.42), mix(vec3(0.36, 0.105, 0.060), vec3(0.50, 0.19, 0.11), each), mortar);
+    albedo *= 0.7 + 0.6 * speckle(wall * 1.7);
+#elif MATERIAL == PAINT
+    albedo = vec3(0.75);
+    gloss = 0.25;
+#elif MATERIAL == WATER
+    float ripple = speckle(place.xy * 0.9) - speckle(place.yx * 1.3 + 0.37);
+    n = normalize(n + vec3(0.20 * ripple, 0.16 * ripple, 0.0));
+    albedo = vec3(0.030, 0.170, 0.260) * (1.0 + 0.5 * ripple);
+    albedo += SKYLIGHT * 0.5 * pow(1.0 - max(dot(n, view), 0.0), 3.0);
+    gloss = 0.3;
+    sharpness = 90.0;
 #elif MATERIAL == CLOTH
     if (dot(n, view) < 0.0) n = -n;
     albedo = vec3(0.80, 0.045, 0.035);
@@ -105,6 +139,10 @@ void main() {
     albedo = mix(vec3(0.80, 0.10, 0.06), vec3(0.93), skin.a);
     gloss = 0.5;
     sharpness = 60.0;
+#endif
+#if MATERIAL <= WATER && MATERIAL != LAWN
+    // The dye keeps the pattern: lighter and darker than the material's middle tone.
+    if (dye.w > 0.0) albedo = dye.rgb * dye.rgb * (dot(albedo, vec3(0.3, 0.6, 0.1)) / TONE);
 #endif
     float toward = max(dot(n, sun.xyz), 0.0);
     float direct = toward;

@@ -1,0 +1,295 @@
+"""Course files: what they say is what is built, faults are told by line and key, hostile ones cost little."""
+
+from __future__ import annotations
+
+import json
+import random
+import resource
+import time
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from minigolf_env.courses import Course, CourseError, list_courses, load_course
+from minigolf_env.courses.builder import Hole
+from minigolf_env.courses.description import CourseFile
+from minigolf_env.courses.files import SCHEMA, build_course, parse_description, schema, to_toml
+from minigolf_env.courses.library import DATA
+from minigolf_env.courses.limits import Limits
+from minigolf_env.physics import Status
+
+DOGLEG = (DATA / "dogleg.toml").read_text()
+MUTATIONS = 3000
+"""Broken files tried here; ``python -m tests.courses.test_files 100000`` tries more."""
+
+
+def same_physics(a: Course, b: Course) -> bool:
+    """Return whether two courses are the same bits, and a putt's path on them is."""
+    same = (a.name, a.tee, a.cup, a.par, a.bounds, a.route) == (b.name, b.tee, b.cup, b.par, b.bounds, b.route)
+    same &= (a.top_speed, a.ball_radius, a.gravity) == (b.top_speed, b.ball_radius, b.gravity)
+    for p, q in zip(a.parts, b.parts, strict=True):
+        same &= (p.name, p.material, p.color) == (q.name, q.material, q.color)
+        same &= p.mesh.vertices.tobytes() == q.mesh.vertices.tobytes() and np.array_equal(p.mesh.faces, q.mesh.faces)
+    x, y = a.tee.centre
+    velocity = np.array([[0.7, 0.2, 0.0], [0.9, -0.1, 0.0], [-0.4, 0.5, 0.3]]) * a.top_speed
+    starts = np.tile([x, y, a.tee.height + a.ball_radius], (3, 1))
+    one, other = (course.world().simulate_batch(starts, velocity, 10.0) for course in (a, b))
+    return bool(same) and all(np.asarray(u).tobytes() == np.asarray(v).tobytes() for u, v in zip(one[:4], other[:4]))
+
+
+@pytest.mark.parametrize("name", ["dogleg", "room", "gap", "loop"])
+def test_a_course_written_out_and_read_again_is_the_same_bits(name: str, tmp_path: Path) -> None:
+    """Course -> TOML -> Course."""
+    course = load_course(name)
+    (tmp_path / "copy.toml").write_text(to_toml(course))
+    assert same_physics(course, load_course(tmp_path / "copy.toml"))
+
+
+@pytest.mark.parametrize("name", [*list_courses(), "room"])
+def test_a_description_written_and_read_again_is_the_same(name: str) -> None:
+    """Description -> TOML -> description."""
+    file = parse_description((DATA / f"{name}.toml").read_text())
+    assert parse_description(to_toml(file)) == file
+
+
+def test_a_hole_made_in_python_is_the_file_it_saves(tmp_path: Path) -> None:
+    """The builder, in a few lines."""
+    hole = Hole("post", tee=(0.4, 0.5), cup=(2.5, 0.5, 0.0), top_speed=5.0)
+    hole.surface("rubber", damping=0.9)
+    hole.add("lane", outline=[{"box": (0, 0, 3, 1)}])
+    hole.add("cylinder", at=(1.5, 0.5, -0.05), radius=0.1, height=0.2, surface="rubber")
+    hole.save(tmp_path / "post.toml")
+    course = hole.course()
+    assert same_physics(course, load_course(tmp_path / "post.toml"))
+    assert course.par == 2 and course.route == ((0.4, 0.5), (2.5, 0.5))
+    with pytest.raises(CourseError, match=r"parts\[2\]: kind: .* did you mean 'block'"):
+        hole.add("blok").description()
+
+
+PARTS = [
+    {"kind": "block", "outline": [{"circle": (1.5, 0.5, 0.1)}, {"line": [(1.5, 0.5), (1.8, 0.5)], "width": 0.1}]},
+    {"kind": "block", "outline": [{"polygon": [(1, 0.2), (1.4, 0.2), {"via": (1.5, 0.4), "to": (1.4, 0.6)}]}]},
+    {
+        "kind": "block",
+        "outline": [{"box": (1, 0.2, 1.4, 0.6), "round": 0.05, "turn": 30}],
+        "holes": [{"box": (1.1, 0.3, 1.3, 0.5)}],
+    },
+    {
+        "kind": "prism",
+        "profile": [{"polygon": [(-0.1, 0), (0.1, 0), (0, 0.2)]}],
+        "start": (1, 0.5, -0.05),
+        "end": (1.5, 0.3, 0),
+    },
+    {"kind": "revolved", "at": (1.5, 0.5), "profile": [(0, -0.05), (0.1, -0.05), (0.05, 0.2), (0, 0.2)]},
+    {"kind": "box", "at": (1.5, 0.5, 0.1), "size": (0.2, 0.1, 0.3), "turn": 20},
+    {"kind": "cylinder", "at": (1.5, 0.5, -0.05), "radius": 0.1, "top_radius": 0.0, "height": 0.2},
+    {"kind": "sphere", "at": (1.5, 0.5, 0.1), "radius": 0.1},
+    {"kind": "torus", "at": (1.5, 0.5, 0.02), "major_radius": 0.2, "minor_radius": 0.05},
+    {"kind": "ramp", "start": (1, 0.5), "end": (1.6, 0.5), "width": 0.4, "height": 0.1},
+    {"kind": "tunnel", "start": (1, 0.5), "end": (1.6, 0.6), "width": 0.6, "height": 0.4, "roof": 0.2, "door": 0.2},
+    {"kind": "halfpipe", "start": (1, 0.5, 0), "end": (1.8, 0.5, 0), "radius": 0.2, "floor": 0.2},
+    {"kind": "loop", "at": (1.2, 0.3, 0), "radius": 0.2, "width": 0.2, "shift": 0.3, "sides": 64},
+]
+
+
+@pytest.mark.parametrize("part", PARTS, ids=lambda part: part["kind"])
+def test_every_kind_of_part_is_solid_and_stops_no_ball_for_good(part: dict[str, object]) -> None:
+    """Closed, wound outwards, in the way, and balls thrown at it come to rest outside of it."""
+    course = Hole("one", tee=(0.3, 0.5)).add("lane", outline=[{"box": (0, 0, 3, 1)}]).add(**part).course()
+    own = course.parts[2:]
+    assert own and all(one.mesh.is_closed and one.mesh.volume > 0.0 for one in own)
+    world = course.world()
+    angle = np.linspace(-0.3, 0.3, 60)
+    velocities = np.column_stack([3.0 * np.cos(angle), 3.0 * np.sin(angle), 0.0 * angle])
+    shots = world.simulate_batch(np.tile([0.3, 0.5, course.ball_radius], (60, 1)), velocities)
+    assert not np.any(shots.exhausted) and np.mean(np.asarray(shots.status) == Status.REST) > 0.95
+    inside = [abs(one.mesh.winding_number(place)) > 0.5 for one in own for place in shots.position]
+    assert not any(inside)
+
+
+def test_heights_are_those_of_the_profile() -> None:
+    """A floor follows its profile between rounded corners, exactly where it is level."""
+    heights = [{"kind": "along", "profile": [(1, 0), (2, 0.2)], "rounding": 0.1}]
+    hole = Hole("slope", tee=(0.3, 0.5)).add("lane", outline=[{"box": (0, 0, 3, 1)}], heights=heights, border=0)
+    vertices = hole.course().parts[0].mesh.vertices
+    top = vertices[vertices[:, 2] > -0.01]
+    assert (top[top[:, 0] <= 0.9, 2] == 0.0).all() and (top[top[:, 0] >= 2.1, 2] == 0.2).all()
+    middle = top[(top[:, 0] > 1.1) & (top[:, 0] < 1.9)]
+    assert np.allclose(middle[:, 2], 0.2 * (middle[:, 0] - 1.0), atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('kind = "lane"', 'kind = "lanne"', r"line 16: parts\[0\]: kind: expected one of .*did you mean 'lane'"),
+        ("border = 0.07", "bordr = 0.07", r"parts\[0\]: unknown key 'bordr'; did you mean 'border'"),
+        ("border = 0.07", 'border = "wide"', r"line 21: parts\[0\].border: expected a valid number, received 'wide'"),
+        ("border = 0.07", "border = true", r"parts\[0\].border: expected a valid number, received True"),
+        ("[3, 0], [4, 1]", "[3, nan], [4, 1]", r"outline\[0\].polygon\[1\]\[1\]: expected a finite number"),
+        ("[3, 0], [4, 1]", "[3, 1e300], [4, 1]", r"expected less than or equal to 1000, received 1e\+300"),
+        ('name = "dogleg"', "", r"hole.toml: name: expected this key, received none; add it"),
+        ("par = 2", "par = 2.5", r"line 3: par: expected a valid integer"),
+        ("par = 2", "par = ", r"expected TOML, received text that is not: .*line 3"),
+        ('material = "stone"', 'surface = "ston"', r"surface: expected one of .*did you mean 'stone'"),
+        ("[3.45, 2.1, 0.0]", "[3.45, 2.1]", r"cup.position\[2\]: expected this key"),
+        ("turn = -30", "circle = [1, 2, 3]", r"exactly one of polygon, box, circle and line"),
+        ("[3.45, 2.1, 0.0]", "[8.45, 2.1, 0.0]", r"cup position: expected a place on a lane"),
+        ("[3, 0], [4, 1]", "[4, 1], [3, 0], [0, 1]", r"part 'lane 1': outline: expected a simple shape"),
+        ("lower = [0.2, 0.325]", "lower = [0.001, 0.325]", r"deep in a surface"),
+        ('name = "block"', 'name = "../block"', r"parts\[1\].name: string should match pattern"),
+    ],
+)
+def test_faults_are_told_by_line_and_key(old: str, new: str, message: str) -> None:
+    """What is wrong, where, what was expected and received, and what was perhaps meant."""
+    assert old in DOGLEG
+    with pytest.raises(CourseError, match=message):
+        build_course(parse_description(DOGLEG.replace(old, new), "hole.toml")).world()
+
+
+def test_the_schema_for_editors_is_up_to_date() -> None:
+    """Else: python -c "from minigolf_env.courses.files import *; SCHEMA.write_text(schema())"."""
+    assert SCHEMA.read_text() == schema()
+    assert json.loads(schema())["title"] == "CourseFile"
+
+
+MESH = 'name = "m"\ntee = {{ at = [0, 0] }}\n[[parts]]\nkind = "mesh"\nfile = "{}"\n'
+
+
+@pytest.mark.parametrize("ending", ["obj", "stl", "ply", "glb"])
+def test_meshes_come_from_files_beside_the_course(ending: str, tmp_path: Path) -> None:
+    """Every format, with scale, turn and place."""
+    trimesh.creation.box((2, 2, 0.2)).export(tmp_path / f"slab.{ending}")
+    (tmp_path / "m.toml").write_text(MESH.format(f"slab.{ending}") + "scale = 0.5\nturn = 90\nat = [0, 0, -0.05]\n")
+    vertices = load_course(tmp_path / "m.toml").parts[0].mesh.vertices
+    sides = np.ptp(vertices, axis=0)
+    assert np.allclose(np.sort(sides), [0.1, 1.0, 1.0], atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    "name", ["../slab.obj", "/etc/passwd", "C:/slab.obj", "a/../../slab.obj", "link.obj", "x.py", "no.obj"]
+)
+def test_mesh_files_stay_in_the_folder(name: str, tmp_path: Path) -> None:
+    """No way out of it, by dots, roots, drives or links; no other kind of file."""
+    (tmp_path / "slab.obj").write_text("v 0 0 0\n")
+    inner = tmp_path / "inner"
+    inner.mkdir()
+    (inner / "link.obj").symlink_to(tmp_path / "slab.obj")
+    (inner / "m.toml").write_text(MESH.format(name))
+    with pytest.raises(CourseError, match="file: expected"):
+        load_course(inner / "m.toml")
+
+
+def test_broken_and_huge_files_are_refused_promptly(tmp_path: Path) -> None:
+    """Within bounds that the caller can raise."""
+    cases = {
+        "deep.toml": "x = " + "[" * 100_000,
+        "deeper.toml": "name = " + "{ a = " * 3000 + "1" + "}" * 3000,
+        "dots.toml": "a" + ".a" * 50_000 + " = 1",
+        "digits.toml": "par = " + "9" * 100_000,
+        "noise.toml": "\x00\x01",
+        "cells.toml": DOGLEG + '[[parts]]\nkind = "lane"\noutline = [{ box = [0, 0, 900, 900] }]\n'
+        'heights = [{ kind = "along", profile = [[0, 0], [1, 1]] }]\ncell = [0.001, 0.001]\n',
+        "sides.toml": DOGLEG + '[[parts]]\nkind = "sphere"\nat = [0, 0, 0]\nradius = 1\nsubdivisions = 40\n',
+        "long.toml": DOGLEG + '[[parts]]\nkind = "lane"\noutline = [{ box = [0, 0, 1e-9, 900] }]\n'
+        'heights = [{ kind = "along", profile = [[0, 0], [1, 1]] }]\ncell = [1e-9, 900.0]\n',
+        "ball.ply": "ply",
+    }
+    began = time.process_time()
+    for name, text in cases.items():
+        path = tmp_path / name
+        path.write_text(text)
+        if path.suffix == ".ply":
+            path.write_text(
+                "ply\nformat binary_little_endian 1.0\nelement vertex 2000000000\nproperty float x\nend_header\n"
+            )
+            path = tmp_path / "ply.toml"
+            path.write_text(MESH.format(name))
+        with pytest.raises(CourseError):
+            load_course(path)
+    assert time.process_time() - began < 10.0
+    with pytest.raises(CourseError, match="at most 100 bytes"):
+        load_course("dogleg", limits=Limits(text_bytes=100))
+    with pytest.raises(CourseError, match="at most 100 triangles in a course"):
+        load_course("dogleg", limits=Limits(triangles=100))
+
+
+def mutate(text: str, rng: random.Random) -> str:
+    """Return text with a few characters, words or lines changed, doubled or dropped."""
+    wild = [
+        "nan",
+        "inf",
+        "-1e308",
+        "[]",
+        "{}",
+        '""',
+        "true",
+        "9" * 30,
+        "0",
+        "-1",
+        '"lane"',
+        "[[parts]]",
+        "\x00",
+        "é",
+        "=",
+        ".",
+    ]
+    for _ in range(rng.randint(1, 4)):
+        kind, at = rng.randrange(5), rng.randrange(len(text))
+        end = min(len(text), at + rng.choice([1, 1, 3, 10, 80]))
+        if kind == 0:
+            text = text[:at] + text[end:]
+        elif kind == 1:
+            text = text[:at] + text[at:end] * 2 + text[end:]
+        elif kind == 2:
+            text = text[:at] + rng.choice(wild) + text[end:]
+        else:
+            words = text.split(" ")
+            k = rng.randrange(len(words))
+            words[k] = rng.choice(wild) if kind == 3 else words[rng.randrange(len(words))]
+            text = " ".join(words)
+        if not text:
+            return "x"
+    return text
+
+
+def fuzz(count: int, seed: int) -> tuple[int, int]:
+    """Return how many of mutated files were refused and built; anything but a CourseError is a fault of ours."""
+    rng = random.Random(seed)  # noqa: S311 (not for secrets)
+    texts = [
+        path.read_text() for path in sorted(DATA.glob("*.toml")) if path.stem not in ("green100k", "volcano", "funnel")
+    ]
+    refused = built = 0
+    for number in range(count):
+        text = mutate(rng.choice(texts), rng)
+        try:
+            file: CourseFile = parse_description(text)
+            if number % 10 == 0:
+                build_course(file, limits=Limits(triangles=20_000, cells=4_000))
+            built += 1
+        except CourseError:
+            refused += 1
+        except Exception as error:
+            raise AssertionError(f"expected a CourseError, received {error!r} from:\n{text}") from error
+    return refused, built
+
+
+def test_mutated_files_are_read_or_refused() -> None:
+    """Nothing else happens, and memory stays bounded."""
+    refused, built = fuzz(MUTATIONS, seed=0)
+    assert refused > MUTATIONS // 4 and built > 100
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss < 4_000_000  # kB
+
+
+def test_toml_written_is_toml() -> None:
+    """What the standard library reads."""
+    assert tomllib.loads(to_toml(load_course("dogleg")))["name"] == "dogleg"
+
+
+if __name__ == "__main__":
+    import sys
+
+    refused, built = fuzz(int(sys.argv[1]), seed=int(sys.argv[2]) if len(sys.argv) > 2 else 0)
+    print(f"refused {refused}, read {built}")

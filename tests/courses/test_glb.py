@@ -1,0 +1,177 @@
+"""Holes as .glb files: the same bits again, drawn by hand in a 3D program, and broken on purpose."""
+
+from __future__ import annotations
+
+import json
+import random
+import struct
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+
+from minigolf_env.courses import Course, CourseError, list_courses, load_course
+from minigolf_env.courses.glb import to_glb
+from minigolf_env.courses.gltf import EXACT, Object, read_scene, write_scene
+from minigolf_env.courses.limits import Limits
+from minigolf_env.physics import Status
+
+HOLE = {"name": "made", "par": 2, "top_speed": 4.0}
+
+
+def same_mesh(a: Course, b: Course) -> bool:
+    """Return whether two courses have the same bits."""
+    pairs = list(zip(a.parts, b.parts, strict=True))
+    return all(
+        p.mesh.vertices.tobytes() == q.mesh.vertices.tobytes()
+        and np.array_equal(p.mesh.faces, q.mesh.faces)
+        and (p.name, p.material, p.color, p.mesh.surface) == (q.name, q.material, q.color, q.mesh.surface)
+        for p, q in pairs
+    )
+
+
+@pytest.mark.parametrize("name", [*list_courses(), "room"])
+def test_a_course_written_and_read_again_is_the_same_bits(name: str, tmp_path: Path) -> None:
+    """Course -> GLB -> Course, though glTF holds positions as float32."""
+    course, path = load_course(name), tmp_path / "copy.glb"
+    path.write_bytes(to_glb(course))
+    again = load_course(path)
+    assert same_mesh(course, again)
+    for field in ("name", "tee", "cup", "par", "bounds", "route", "top_speed", "ball_radius", "gravity"):
+        assert getattr(course, field) == getattr(again, field), field
+
+
+def test_putts_on_the_copy_take_the_same_path(tmp_path: Path) -> None:
+    """To the last bit."""
+    course, path = load_course("loop"), tmp_path / "copy.glb"
+    path.write_bytes(to_glb(course))
+    start = (*course.tee.centre, course.ball_radius)
+    a, b = (one.world().simulate(start, (5.0, 0.1, 0.0), record=True) for one in (course, load_course(path)))
+    assert a.path.tobytes() == b.path.tobytes() and a.bounces > 0
+
+
+def test_other_programs_read_it(tmp_path: Path) -> None:
+    """Trimesh finds the same parts, y up."""
+    path = tmp_path / "copy.glb"
+    path.write_bytes(to_glb(load_course("dogleg")))
+    scene = trimesh.load_scene(path)
+    assert set(scene.geometry) == {"floor", "cup", "border", "block", "bollard"}
+    assert np.allclose(scene.bounds, [[-0.07, -0.123, -2.57], [4.07, 0.19, 0.07]], atol=0.01)
+
+
+def solid(name: str, size: tuple[float, float, float], at: tuple[float, float, float], **extras: Any) -> Object:
+    """Return a box as a 3D program would have it: corners apart for each face."""
+    box = trimesh.creation.box(size)
+    box.apply_translation(at)
+    box.unmerge_vertices()
+    return Object(name, (0.0, 0.0, 0.0), extras, np.array(box.vertices), np.array(box.faces))
+
+
+def by_hand(**change: Object | None) -> list[Object]:
+    """Return a hole of boxes and empties; ``change`` replaces objects, or drops them."""
+    objects = {
+        "tee": Object("tee", (-1.2, 0.0, 0.0), {}, None, None),
+        "cup": Object("Cup", (1.0, 0.2, 0.0), {"radius": 0.06}, None, None),
+        "floor": solid("Floor", (3.0, 1.0, 0.2), (0.0, 0.0, -0.1)),
+        "north": solid("wood.001", (3.2, 0.1, 0.3), (0.0, 0.55, 0.0)),
+        "south": solid("wood.002", (3.2, 0.1, 0.3), (0.0, -0.55, 0.0)),
+        "east": solid("rail", (0.1, 1.2, 0.3), (1.55, 0.0, 0.0), surface="brick", color="#802010"),
+        "west": solid("end", (0.1, 1.2, 0.3), (-1.55, 0.0, 0.0), damping=0.9),
+    }
+    return [one for one in {**objects, **change}.values() if one is not None]
+
+
+def write(objects: list[Object], path: Path, exact: bool = False) -> Path:
+    """Write objects as a 3D program does: without the exact vertices beside them."""
+    content = write_scene(objects, HOLE)
+    path.write_bytes(content if exact else content.replace(EXACT.encode(), b"x" * len(EXACT)))
+    return path
+
+
+def test_a_hole_made_by_hand_is_played(tmp_path: Path) -> None:
+    """Names say what objects are, extras how they play; the cup is cut into the floor."""
+    across = Object("cup", (0.6, 0.2, 0.0), {}, None, None)  # On an edge of the floor's triangles.
+    assert len(load_course(write(by_hand(cup=across), tmp_path / "across.glb")).parts) == 6
+    course = load_course(write(by_hand(), tmp_path / "hand.glb"))
+    assert course.name == "made" and course.par == 2 and course.cup is not None and course.cup.radius == 0.06
+    surfaces = {part.name: part.mesh.surface for part in course.parts}
+    assert surfaces["Floor"].tangential == 1.0 and surfaces["end"].damping == 0.9
+    looks = {part.name: (part.material, part.color) for part in course.parts}
+    assert looks["rail"][0] == "brick" and looks["rail"][1] == pytest.approx((128 / 255, 32 / 255, 16 / 255))
+    world = course.world()
+    shot = world.simulate((1.0, 0.2, 0.1), (0.0, 0.0, 0.0))
+    assert shot.status == Status.REST and shot.position[2] == pytest.approx(course.ball_radius - 0.1, abs=1e-9)
+    rolls = world.simulate((*course.tee.centre, course.ball_radius), (1.5, 0.0, 0.0))
+    assert rolls.status == Status.REST and rolls.position[2] == pytest.approx(course.ball_radius, abs=1e-6)
+    assert load_course(tmp_path / "hand.glb", cup_radius=0.1).cup.radius == 0.1  # type: ignore[union-attr]
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"tee": None}, "expected one object named 'tee'"),
+        ({"cup": Object("cup", (9.0, 0.0, 0.0), {}, None, None)}, "cup position: expected a place on the floor"),
+        ({"cup": Object("cup", (1.47, 0.0, 0.0), {}, None, None)}, "cup radius: expected less than"),
+        ({"floor": solid("floor", (3.0, 1.0, 0.05), (0.0, 0.0, -0.025))}, "cup depth: expected a floor thicker than"),
+        ({"east": solid("rail", (0.1, 1.2, 0.3), (1.55, 0.0, 0.0), surface="brik")}, "did you mean 'brick'"),
+        ({"east": solid("rail", (0.1, 1.2, 0.3), (1.55, 0.0, 0.0), color="red")}, "color: string should match pattern"),
+    ],
+)
+def test_faults_of_a_hole_made_by_hand_are_told(change: dict[str, Object | None], message: str, tmp_path: Path) -> None:
+    """What is missing, or where it is wrong."""
+    with pytest.raises(CourseError, match=message):
+        load_course(write(by_hand(**change), tmp_path / "hand.glb"))
+
+
+def test_an_open_mesh_is_told(tmp_path: Path) -> None:
+    """A hole in a hull lets balls in."""
+    wall = solid("rail", (0.1, 1.2, 0.3), (1.55, 0.0, 0.0))
+    assert wall.faces is not None
+    with pytest.raises(CourseError, match="part 'rail': expected a closed solid"):
+        load_course(write(by_hand(east=wall._replace(faces=wall.faces[1:])), tmp_path / "hand.glb"))
+
+
+def test_objects_below_others_are_placed_with_them() -> None:
+    """Transforms of parents apply, and cycles are faults."""
+    content = write_scene([solid("a", (1, 1, 1), (0, 0, 0)), Object("b", (0.0, 0.0, 0.0), {}, None, None)], {})
+    size = struct.unpack_from("<I", content, 12)[0]
+    data = json.loads(content[20 : 20 + size])
+    data["nodes"][1] |= {"children": [0], "translation": [1.0, 2.0, 3.0], "scale": [2.0, 2.0, 2.0]}
+    data["scenes"][0]["nodes"] = [1]
+    objects, _ = read_scene(packed(data, content[20 + size :]), Limits())
+    assert [one.name for one in objects] == ["b", "a"] and objects[1].vertices is not None
+    assert np.allclose(objects[1].vertices.mean(axis=0), [1.0, -3.0, 2.0])
+    assert np.allclose(np.ptp(objects[1].vertices, axis=0), 2.0)
+    data["nodes"][0]["children"] = [1]
+    with pytest.raises(CourseError, match="its own child"):
+        read_scene(packed(data, content[20 + size :]), Limits())
+
+
+def packed(data: dict[str, Any], rest: bytes) -> bytes:
+    """Return a .glb file with another JSON chunk."""
+    text = json.dumps(data).encode()
+    text += b" " * (-len(text) % 4)
+    body = struct.pack("<I4s", len(text), b"JSON") + text + rest
+    return struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body
+
+
+def test_mutated_files_are_read_or_refused(tmp_path: Path) -> None:
+    """Bytes changed, numbers blown up: a CourseError, at once, and nothing allocated on a file's word."""
+    rng = random.Random(0)  # noqa: S311 (not for secrets)
+    whole = write_scene(by_hand(), HOLE)
+    began, refused = time.process_time(), 0
+    for number in range(1500):
+        content = bytearray(whole[: rng.choice([len(whole), len(whole), rng.randrange(len(whole))])])
+        for _ in range(rng.randint(1, 6)):
+            if content:
+                content[rng.randrange(min(len(content), 6000))] = rng.choice(b'0129-[]{}"e\x00\xff')
+        path = tmp_path / f"{number}.glb"
+        path.write_bytes(bytes(content))
+        try:
+            load_course(path, limits=Limits(triangles=10_000))
+        except CourseError:
+            refused += 1
+    assert refused > 500 and time.process_time() - began < 30.0

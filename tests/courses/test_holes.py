@@ -1,0 +1,154 @@
+"""Every bundled hole: closed, quick to load, solvable, and nowhere a ball is lost for good."""
+
+from __future__ import annotations
+
+import functools
+import time
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+from numpy.typing import NDArray
+
+import minigolf_env  # noqa: F401 (registers the environment)
+from minigolf_env.courses import Course, list_courses, load_course
+from minigolf_env.courses.description import CourseFile
+from minigolf_env.courses.files import read_course, read_description
+from minigolf_env.courses.library import DATA
+from minigolf_env.envs import MiniGolfEnv
+from minigolf_env.envs.task import Result
+from minigolf_env.physics import Status, World
+
+HOLES = list_courses()
+GREEN = "green100k"
+FloatArray = NDArray[np.float64]
+
+
+@functools.cache
+def world_of(name: str) -> World:
+    """Return a hole's physics, made once."""
+    return load_course(name).world()
+
+
+def description(name: str) -> CourseFile:
+    """Return what a hole's file says."""
+    return read_description(DATA / f"{name}.toml")
+
+
+def tee_off(course: Course, n: int, rng: np.random.Generator) -> FloatArray:
+    """Return n random starts (n, 3) from the tee."""
+    lower, upper = np.array(course.tee.lower), np.array(course.tee.upper)
+    level = np.full(n, course.tee.height + course.ball_radius)
+    return np.column_stack([lower + rng.random((n, 2)) * (upper - lower), level])
+
+
+def putts(n: int, fastest: float, rng: np.random.Generator) -> FloatArray:
+    """Return random horizontal velocities (n, 3)."""
+    angle, speed = rng.uniform(-np.pi, np.pi, n), rng.uniform(0.0, fastest, n)
+    return np.column_stack([speed * np.cos(angle), speed * np.sin(angle), np.zeros(n)])
+
+
+@pytest.mark.parametrize("name", HOLES)
+def test_a_file_is_one_idea_with_a_par_and_a_known_hole_in_one(name: str) -> None:
+    """It says what makes the hole fun, and is small."""
+    file = description(name)
+    assert file.name == name and file.about and file.par is not None and file.hole_in_one is not None
+    assert (DATA / f"{name}.toml").stat().st_size < 4000
+    assert {part.kind for part in file.parts} - {"mesh"}
+
+
+@pytest.mark.parametrize("name", HOLES)
+def test_the_known_hole_in_one_holes_out_alone_and_in_a_batch(name: str) -> None:
+    """From the middle of the tee."""
+    action = np.array(description(name).hole_in_one, dtype=np.float32)
+    env = gym.make("MiniGolf-v0", course=name, tee="fixed", reward="strokes")
+    env.reset(seed=0)
+    _, reward, terminated, _, info = env.step(action)
+    assert info["is_success"] and terminated and reward == -1.0 and info["course"] == name
+    envs = gym.make_vec("MiniGolf-v0", num_envs=3, course=name, tee="fixed")
+    envs.reset(seed=0)
+    _, _, terminated, _, infos = envs.step(np.stack([action, 0.0 * action, action]))
+    assert infos["is_success"].tolist() == [True, False, True] and terminated.tolist() == [True, False, True]
+
+
+@pytest.mark.parametrize("name", HOLES)
+def test_random_putts_end_in_play_in_the_cup_or_out_of_bounds(name: str) -> None:
+    """From the tee and from where such putts end: no ball sinks, hangs, escapes or uses up its sub-steps."""
+    course, world, rng = load_course(name), world_of(name), np.random.default_rng(1)
+    n = 120 if name == GREEN else 400
+    starts = tee_off(course, n, rng)
+    for _ in range(2):
+        shots = world.simulate_batch(starts, putts(len(starts), course.top_speed, rng))
+        assert not np.any(shots.exhausted)
+        assert world.clearance(shots.position).min() >= -1e-12 * world.scale
+        lost = np.isin(shots.status, [Status.OUT_OF_BOUNDS])
+        if name not in ("gap", "islands", "halfpipe"):  # Over water, and over the lips of the pipe.
+            assert not lost.any()
+        late = np.asarray(shots.status) == Status.TIME_LIMIT
+        assert late.mean() <= (0.01 if name == GREEN else 0.0)  # Creeps where the slope is as steep as felt brakes.
+        assert (shots.position[~lost] >= course.bounds[0]).all()
+        starts = shots.position[np.asarray(shots.status) == Status.REST]
+
+
+@pytest.mark.parametrize("name", [name for name in HOLES if name != GREEN])
+def test_every_lie_is_playable(name: str) -> None:
+    """From where random putts end, the best of some others leads well away, off the course or into the cup."""
+    rng = np.random.default_rng(2)
+    env = MiniGolfEnv(course=name)
+    env.reset(seed=0)
+    actions = putts(400, 1.0, rng)[:, :2]
+    first = env.what_if(actions)
+    places = first.position[(first.result == Result.REST)][:30]
+    world, task = env.task.world, env.task
+    velocities = task.launch(putts(24, 1.0, rng)[:, :2])
+    starts = np.repeat(places, len(velocities), axis=0)
+    then = task.play(starts, np.tile(velocities, (len(places), 1)))
+    away = np.linalg.norm(then.position - starts, axis=1).reshape(len(places), -1)
+    gone = np.isin(then.result, [Result.HOLED, Result.OUT_OF_BOUNDS]).reshape(len(places), -1)
+    assert len(places) == 30 and ((away > 10.0 * world.ball_radius) | gone).any(axis=1).all()
+
+
+@pytest.mark.parametrize("name", HOLES)
+def test_loading_is_quick(name: str) -> None:
+    """Within half a second of this process's time, two for 100,000 triangles, once the libraries are loaded."""
+    load_course("straight")
+    began = time.process_time()
+    course = read_course(DATA / f"{name}.toml")
+    assert time.process_time() - began < (2.0 if name == GREEN else 0.5)
+    count = sum(len(part.mesh.faces) for part in course.parts)
+    assert (count > 100_000) == (name == GREEN)
+
+
+@pytest.mark.parametrize("name", HOLES)
+def test_gymnasium_takes_each_hole(name: str) -> None:
+    """Its own checks of an environment."""
+    check_env(gym.make("MiniGolf-v0", course=name).unwrapped, skip_render_check=True)
+
+
+@pytest.mark.parametrize("share", [0.6, 0.7, 0.85, 1.0])
+def test_the_loop_takes_straight_putts_at_two_thirds_of_full_speed(share: float) -> None:
+    """They go over the top, come out beyond it, and are fast enough to be worth it; slow ones fall back."""
+    course, world = load_course("loop"), world_of("loop")
+    x, y = course.tee.centre
+    start = (x, y, course.ball_radius)
+    shot = world.simulate(start, (share * course.top_speed, 0.0, 0.0), record=True)
+    assert shot.path[:, 2].max() > 0.55 and shot.path[:, 0].max() > 3.0
+    slow = world.simulate(start, (0.3 * course.top_speed, 0.0, 0.0), record=True)
+    assert slow.path[:, 2].max() < 0.3 and slow.position[0] < 2.2
+
+
+@pytest.mark.parametrize("sides", [64, 256])
+def test_facets_of_a_loop_brake_as_little_as_their_turn_says(sides: int) -> None:
+    """Each keeps cos(turn) of the speed: with a turn of 1.4 degrees all of them take less than a tenth."""
+    from minigolf_env.courses.solids import loop
+    from minigolf_env.physics import Surface, TriangleMesh
+
+    solid = loop(0.3, 0.4, 0.5, 0.06, 0.03, sides)
+    mesh = TriangleMesh(solid.vertices, solid.faces, Surface(restitution=0.0, tangential=1.0, rolling=0.0))
+    world = World([mesh], gravity=(0.0, 0.0, 0.0))
+    shot = world.simulate((0.001, 0.0, 0.0224), (2.0, 0.0, 0.0), max_time=0.8, record=True)
+    kept = float(np.linalg.norm(shot.velocity)) / 2.0
+    share = np.cos(2.0 * np.pi / sides) ** sides
+    assert shot.path[:, 2].max() > 0.55
+    assert share - 0.06 < kept <= share + 0.08

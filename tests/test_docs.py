@@ -1,0 +1,41 @@
+"""What docs/courses.md says of courses is so."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from minigolf_env.catalogue import check
+from minigolf_env.courses import list_courses
+from minigolf_env.courses.files import build_course, parse_description, read_description
+from minigolf_env.courses.library import DATA
+
+DOCS = Path(__file__).parents[1] / "docs"
+COURSES = (DOCS / "courses.md").read_text()
+
+
+@pytest.mark.parametrize("name", ["windmill.toml", "boulder.glb"])
+def test_nothing_is_wrong_with_the_examples(name: str) -> None:
+    """They load and can be played."""
+    assert list(check(DOCS / "examples" / name)) == []
+
+
+def test_the_course_file_in_the_docs_is_complete() -> None:
+    """And the same as the hole in Python."""
+    (text,) = re.findall(r"```toml\n(.*?)```", COURSES, flags=re.DOTALL)
+    assert build_course(parse_description(text)).par == 2
+    first = re.findall(r"```python\n(.*?)```", COURSES, flags=re.DOTALL)[0]
+    namespace: dict[str, object] = {}
+    exec(first.replace('hole.save("post.toml")', "description = hole.description()"), namespace)  # noqa: S102
+    assert namespace["description"] == parse_description(text)
+
+
+@pytest.mark.parametrize("name", list_courses())
+def test_each_hole_has_its_row_and_its_map(name: str) -> None:
+    """Par, idea and hole in one as in its file."""
+    file = read_description(DATA / f"{name}.toml")
+    row = next(line for line in COURSES.splitlines() if line.startswith(f"| [{name}]"))
+    assert f"| {file.par} |" in row and file.about in row and str(list(file.hole_in_one or ())) in row
+    assert (DOCS / "figures" / "maps" / f"{name}.png").is_file()

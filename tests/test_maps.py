@@ -1,0 +1,40 @@
+"""Maps: what they are drawn from is what the environment plays."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from minigolf_env.courses import load_course
+from minigolf_env.envs import MiniGolfEnv
+from minigolf_env.maps import draw_map, simulate, write_map
+
+
+def test_the_putts_of_a_map_are_those_of_the_environment() -> None:
+    """Direction by direction, speed by speed."""
+    putts = simulate("dogleg", tee=(0.3, 0.6), directions=12, speeds=5)
+    env = MiniGolfEnv(course="dogleg")
+    env.reset(options={"position": (0.3, 0.6, 0.02135)})
+    turn, share = np.radians(putts.directions[7]), putts.speeds[3] / 6.0
+    played = env.what_if([[share * np.cos(turn), share * np.sin(turn)]])
+    assert putts.outcome.position.shape == (12, 5, 3)
+    assert np.allclose(played.position[0], putts.outcome.position[7, 3], rtol=0.0, atol=1e-9)
+
+
+def test_a_map_is_drawn_on_axes_and_written(tmp_path: Path) -> None:
+    """From Python and as a picture."""
+    from matplotlib.figure import Figure
+
+    putts = write_map(tmp_path / "map.png", "islands", directions=24, speeds=6)
+    assert (tmp_path / "map.png").read_bytes()[:4] == b"\x89PNG"
+    axes = Figure().subplots()
+    draw_map(axes, load_course("islands"), putts)
+    assert "144 putts" in axes.get_title()
+
+
+def test_a_tee_in_a_wall_is_refused() -> None:
+    """As the environment does."""
+    with pytest.raises(ValueError, match="expected a ball in free space"):
+        simulate("dogleg", tee=(3.3, 1.5), directions=4, speeds=2)
