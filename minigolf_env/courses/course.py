@@ -108,7 +108,7 @@ class Part:
     def __post_init__(self) -> None:
         with _faults_of(f"part {self.name!r}"):
             one_of(self.material, get_args(Material), "material")
-            if not self.mesh.is_closed or self.mesh.two_sided:
+            if self.mesh.two_sided:  # A one-sided TriangleMesh is closed.
                 raise CourseError(
                     f"mesh: expected a closed, one-sided TriangleMesh, received {self.mesh!r}; "
                     "close its holes and wind its faces alike, so that a ball has no way in."
@@ -169,8 +169,7 @@ class Course:
             bounds=self.bounds,
         )
         with _faults_of(f"course {self.name!r}"):
-            for position in self._places():
-                world.require_free(position)
+            world.require_free(sorted(set(self._places())))
         return world
 
     def _places(self) -> Iterator[Point3]:

@@ -234,23 +234,33 @@ class World:
         return clearances if several else float(clearances[0])
 
     def require_free(self, position: ArrayLike) -> FloatArray:
-        """Return a centre (3,) as an array if a ball there is in free space: what an editor or a tee should ask.
+        """Return a centre (3,), or N of them (N, 3), as an array if balls there are in free space.
 
-        Unlike ``clearance``, which has no side, this also finds a ball that is wholly inside a solid, or out of the
-        room. It looks at every triangle.
+        What an editor or a tee should ask: unlike ``clearance``, which has no side, this also finds a ball that is
+        wholly inside a solid, or out of the room. It looks at every triangle.
 
         Raises:
-            ValueError: the ball intersects a mesh, is inside a solid or outside the room; a wrong shape or values that
+            ValueError: a ball intersects a mesh, is inside a solid or outside the room; a wrong shape or values that
                 are not finite.
         """
-        p = self._clear(_point(position, "position"))
-        rooms = [mesh for mesh in self.meshes if not mesh.two_sided and mesh.volume < 0.0]
-        solids = [mesh for mesh in self.meshes if not mesh.two_sided and mesh.volume >= 0.0]
-        for mesh in solids:
-            if mesh.winding_number(p) > 0.5:
-                raise ValueError(f"position: expected a ball in free space, {p.tolist()} is inside {mesh.name!r}.")
-        if rooms and all(mesh.winding_number(p) > -0.5 for mesh in rooms):
-            raise ValueError(f"position: expected a ball in the room, {p.tolist()} is outside {rooms[0].name!r}.")
+        several = np.ndim(position) == 2
+        p = self._clear(_points(position, "position") if several else _point(position, "position"))
+        balls = p.reshape(-1, 3)
+        outside = np.ones(len(balls), np.bool_)
+        rooms = []
+        for mesh in self.meshes:
+            if mesh.two_sided:
+                continue
+            turns = mesh.winding_number(balls)
+            if mesh.volume < 0.0:
+                rooms.append(mesh.name)
+                outside &= turns > -0.5
+            elif (turns > 0.5).any():
+                inside = balls[(turns > 0.5).argmax()].tolist()
+                raise ValueError(f"position: expected a ball in free space, {inside} is inside {mesh.name!r}.")
+        if rooms and outside.any():
+            ball = balls[outside.argmax()].tolist()
+            raise ValueError(f"position: expected a ball in the room, {ball} is outside {rooms[0]!r}.")
         return p
 
     def _clear(self, p: FloatArray) -> FloatArray:
