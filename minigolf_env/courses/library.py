@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 
 from minigolf_env.courses.course import Course, CourseError
+from minigolf_env.courses.procedural import is_level_name, load_level
 from minigolf_env.physics.checks import one_of, positive_number
 
 HOLES = ("dogleg",)
@@ -26,7 +27,7 @@ def load_course(name: str | Course, cup_radius: float | None = None) -> Course:
     """Return a course by its name, or a Course as it is. Courses are immutable: the same request gives the same one.
 
     Args:
-        name: one of ``list_courses()``; "room", which has no cup; or a Course.
+        name: one of ``list_courses()``; "room", which has no cup; a level such as "procedural-v1-easy-17"; or a Course.
         cup_radius: m; the hole is cut anew into the floor. None: the course's.
 
     Raises:
@@ -35,6 +36,8 @@ def load_course(name: str | Course, cup_radius: float | None = None) -> Course:
     """
     if isinstance(name, Course):
         return _as_it_is(name, cup_radius)
+    if is_level_name(name):
+        return load_level(name, cup_radius)
     if str(name).endswith(FILES):
         raise CourseError(
             f"course: expected one of {HOLES + ROOMS}, received {name!r}; course files come in a later version."

@@ -54,6 +54,13 @@ class Window:
         """Whether its user has not closed it."""
         return self.window is not None and not self.window.has_exit
 
+    def enter(self, course: Course) -> None:
+        """Show another course from now on."""
+        if course is not self._course:
+            self._course = course
+            if self.is_open:
+                self.window.set_caption(f"minigolf: {course.name}")
+
     def show(self, camera: Camera, frame: Frame) -> None:
         """Show a moment, and let the window's user do things."""
         self._shown = camera, frame

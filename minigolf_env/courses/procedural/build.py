@@ -8,17 +8,12 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from minigolf_env.courses.course import GOLF_BALL, Course, CourseError, Cup, Material, Part, Point3, Tee
+from minigolf_env.courses.course import GOLF_BALL, Course, CourseError, Cup, Material, Part, Tee
 from minigolf_env.courses.procedural.draws import FINE, Draws, circle
 from minigolf_env.courses.procedural.features import HEIGHT, ROOT
-from minigolf_env.courses.procedural.layout import SHAPES, TEE_LENGTH, Layout, lay_out
+from minigolf_env.courses.procedural.layout import DIFFICULTIES, GENERATOR, TEE_LENGTH, Layout, lay_out
 from minigolf_env.courses.procedural.meshes import Solid, between_loops, loft, merged, revolved, slab
 from minigolf_env.physics import Surface, TriangleMesh
-
-GENERATOR = 1
-"""Version of the levels, part of their names: raised whenever any level changes."""
-
-DIFFICULTIES = tuple(SHAPES)
 
 SIDES = 64
 """Of the cup."""
@@ -42,7 +37,7 @@ TEE_HALF = 0.15
 """Half a side of the tee box, m: whichever way the lane leads, the box keeps clear of its borders."""
 
 REACH = 10.0
-"""Half a side of the bounds in plan, around the tee, m: the same for all levels, so that observations have one scale."""
+"""Half a side of the bounds in plan, around the tee, m: the same for all levels: observations have one scale."""
 
 AIR = (-1.5, 1.5)
 """Levels between which the ball is in bounds, from the tee, m: no lane is so deep, no ball flies so high."""

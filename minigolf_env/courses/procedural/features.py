@@ -6,6 +6,7 @@ in rolls out, slopes steeper than rolling resistance end in flat parts, and step
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from typing import TypeAlias
 
@@ -191,7 +192,7 @@ def _slope(lane: Lane, height: float, length: float) -> None:
 def _swell(lane: Lane, height: float, length: float) -> None:
     lane.go(0.15)
     levels = [height * _bump(2.0 * k / SWELL - 1.0) for k in range(SWELL + 1)]
-    for before, after in zip(levels[:-1], levels[1:], strict=True):
+    for before, after in itertools.pairwise(levels):
         lane.go(length / SWELL, after - before)
     lane.z -= levels[-1]
     lane.go(0.25)

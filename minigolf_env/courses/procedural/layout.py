@@ -8,6 +8,9 @@ from minigolf_env.courses.procedural.draws import Draws
 from minigolf_env.courses.procedural.features import FEATURES
 from minigolf_env.courses.procedural.lane import Lane
 
+GENERATOR = 1
+"""Version of the levels, part of their names: raised whenever any level changes."""
+
 TEE_LENGTH = 0.8
 """From the border behind the tee to the first feature, m."""
 
@@ -36,6 +39,8 @@ SHAPES = {
     "hard": Shape(legs=(3, 5), features=(1, 2), widths=(0.85, 1.2), steps=(2, 7)),
 }
 """By difficulty."""
+
+DIFFICULTIES = tuple(SHAPES)
 
 FURTHEST = 9.0
 """Largest coordinate in plan, m."""

@@ -129,7 +129,7 @@ def _between(index: Indices) -> Indices:
     quads = np.stack([a[:-1], b[:-1], b[1:], a[1:]], axis=-1).reshape(-1, 4)
     faces = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
     first, second, third = faces.T
-    return faces[(first != second) & (second != third) & (third != first)]
+    return np.asarray(faces[(first != second) & (second != third) & (third != first)])
 
 
 def _fan(ring: Indices) -> Indices:
