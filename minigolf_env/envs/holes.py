@@ -46,10 +46,12 @@ class Holes(NamedTuple):
     @staticmethod
     def together(holes: Sequence[Holes]) -> Holes:
         """Return N holes as one table."""
-        longest = max(len(hole.route) for hole in holes)
-        routes = [np.pad(hole.route, ((0, longest - len(hole.route)), (0, 0)), mode="edge") for hole in holes]
+        routes = np.empty((len(holes), max(len(hole.route) for hole in holes), 2))
+        for row, hole in zip(routes, holes, strict=True):
+            row[:] = hole.route[-1]
+            row[: len(hole.route)] = hole.route
         fields = zip(*(hole[:-1] for hole in holes), strict=True)
-        return Holes(*(np.stack(field) for field in (*fields, routes)))
+        return Holes(*(np.array(field) for field in (*fields, routes)))
 
     def of_rows(self, rows: NDArray[np.int64]) -> Holes:
         """Return the holes of some balls."""
