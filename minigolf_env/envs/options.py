@@ -89,11 +89,9 @@ def make_tasks(
             )
         return OneHole(make_task(course, **rules))
     known = one_of(given.get("difficulty", DIFFICULTIES[0]), DIFFICULTIES, "difficulty")
-
-    def make(level: int) -> Task:
-        return make_task(level_name(known, level), level=level, **rules)
-
-    levels = Levels(make, given.get("start_level", 0), given.get("num_levels", 500))
+    levels = Levels(
+        functools.partial(_make_level, known, rules), given.get("start_level", 0), given.get("num_levels", 500)
+    )
     levels.first()  # What is wrong with the rules is said here, not at the first reset.
     return levels
 
@@ -152,6 +150,10 @@ def check_lie(task: Task, position: ArrayLike) -> FloatArray:
             f"received {ball.tolist()}; the ball would be out of bounds."
         )
     return ball
+
+
+def _make_level(difficulty: str, rules: dict[str, Any], level: int) -> Task:
+    return make_task(level_name(difficulty, level), level=level, **rules)
 
 
 def _size(size: tuple[int, int]) -> tuple[int, int]:

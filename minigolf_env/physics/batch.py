@@ -87,8 +87,7 @@ def shot_of(positions: FloatArray, velocities: FloatArray, results: NDArray[np.v
 
 def _spans(scenes: Sequence[Scene], n: int, first: int, last: int) -> Iterator[tuple[int, int, Scene]]:
     """Yield runs of rows from first to last - 1 that are in the same scene: the first row, one past the last, scene."""
-    each = n // len(scenes)
-    begin = first
+    each, begin = n // max(1, len(scenes)), first
     while begin < last:
         scene = scenes[begin // each]
         end = begin

@@ -18,17 +18,17 @@ class WorldBatch:
     Where a World takes N rows, a batch of M worlds takes a multiple of M: each world has as many, in their order.
 
     Args:
-        worlds: at least one, of one time step ``dt``.
+        worlds: of one time step ``dt``; none: the batch takes no rows.
 
     Raises:
-        ValueError: no world, or different time steps.
+        ValueError: different time steps.
     """
 
     def __init__(self, worlds: Sequence[World]) -> None:
         self.worlds = tuple(worlds)
         steps = {world.dt for world in self.worlds}
-        if len(steps) != 1:
-            raise ValueError(f"worlds: expected at least one, all of one dt, received dt of {sorted(steps)}.")
+        if len(steps) > 1:
+            raise ValueError(f"worlds: expected all of one dt, received {sorted(steps)} s.")
         self._scenes = [world.scene for world in self.worlds]
 
     def simulate_batch(self, positions: ArrayLike, velocities: ArrayLike, max_time: float = 30.0) -> Shot:
@@ -38,11 +38,10 @@ class WorldBatch:
             ValueError: as there, or N is no multiple of the number of worlds.
         """
         p, v = checked_rows(positions, velocities, "positions", "velocities")
-        self._check_rows(len(p))
-        scales = np.repeat([world.scale for world in self.worlds], len(p) // len(self.worlds))
-        check_clear(self._scenes, p, scales)
-        results = simulate_rows(self._scenes, p, v, self.worlds[0].steps(max_time))
-        return shot_of(p, v, results)
+        each = self._rows_each(len(p))
+        check_clear(self._scenes, p, np.repeat([world.scale for world in self.worlds], each))
+        steps = max((world.steps(max_time) for world in self.worlds[:1]), default=0)
+        return shot_of(p, v, simulate_rows(self._scenes, p, v, steps))
 
     def sweep_batch(self, starts: ArrayLike, ends: ArrayLike) -> Hit:
         """Return the first collisions from starts (N, 3) to ends (N, 3), m, each in its world, as World.sweep_batch.
@@ -51,10 +50,13 @@ class WorldBatch:
             ValueError: as there, or N is no multiple of the number of worlds.
         """
         p, q = checked_rows(starts, ends, "starts", "ends")
-        self._check_rows(len(p))
+        self._rows_each(len(p))
         alphas, normals, triangles = sweep_rows(self._scenes, p, q - p)
         return Hit(triangles >= 0, alphas, normals, triangles)  # type: ignore[arg-type]
 
-    def _check_rows(self, n: int) -> None:
-        if n % len(self.worlds):
-            raise ValueError(f"expected a multiple of {len(self.worlds)} rows, as many a world, received {n}.")
+    def _rows_each(self, n: int) -> int:
+        """Return how many of n rows each world has, or raise a ValueError."""
+        many = len(self.worlds)
+        if n % many if many else n:
+            raise ValueError(f"expected a multiple of {many} rows, as many for each world, received {n}.")
+        return n // max(1, many)

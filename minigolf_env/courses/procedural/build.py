@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from minigolf_env.courses.course import GOLF_BALL, Course, CourseError, Cup, Material, Part, Tee
 from minigolf_env.courses.procedural.draws import FINE, Draws, circle
-from minigolf_env.courses.procedural.features import HEIGHT, ROOT
+from minigolf_env.courses.procedural.features import HEIGHT, ROLLING, ROOT
 from minigolf_env.courses.procedural.layout import DIFFICULTIES, GENERATOR, TEE_LENGTH, Layout, lay_out
 from minigolf_env.courses.procedural.meshes import Solid, between_loops, loft, merged, revolved, slab
 from minigolf_env.physics import Surface, TriangleMesh
@@ -45,8 +45,8 @@ AIR = (-1.5, 1.5)
 TOP_SPEED = 6.0
 """m/s, as on the dogleg."""
 
-FELT = Surface(restitution=0.3, tangential=1.0, rolling=1.829**2 / (2.0 * 0.3048 * 10.0) / 9.81)
-"""A fast green, Stimp 10; curved ground does not brake, rolling does."""
+FELT = Surface(restitution=0.3, tangential=1.0, rolling=ROLLING)
+"""Curved ground does not brake, rolling does."""
 
 WOOD = Surface(damping=0.7)
 """Borders and obstacles."""

@@ -30,6 +30,15 @@ GAP = 0.2
 STEP = 2.0**-5
 """Length of a drop in plan, m: steep, and still a function of the plan."""
 
+ROLLING = 1.829**2 / (2.0 * 0.3048 * 10.0) / 9.81
+"""Rolling resistance of the felt, a fast green of Stimp 10: the slope on which a ball neither speeds up nor slows."""
+
+CREEP = 0.004
+"""No slope is nearer to ROLLING: a ball would creep along a metre of it for longer than 7 s."""
+
+MIDDLE = 0.9952
+"""How far the middle of a side of a 32-gon is from its centre, in radii: there a mound is steepest."""
+
 SWELL = 10
 """Flat pieces a hump is made of: the ball meets turns of a few degrees."""
 
@@ -138,37 +147,41 @@ def mound(lane: Lane, draws: Draws) -> None:
     """Lay a round mound of felt that turns balls aside."""
     r = draws.between(0.25, 0.4) * min(1.0, lane.width)
     lane.go(r + 0.05)
-    height = draws.between(0.03, 0.07)
-    rings = [(r * (1.0 - k / 6.0), height * _bump(1.0 - k / 6.0)) for k in range(7)]
+    shares = [1.0 - k / 6.0 for k in range(7)]
+    inner = r * MIDDLE
+    slopes = [6.0 * (_bump(b) - _bump(a)) / inner for a, b in itertools.pairwise(shares)]
+    height = _telling(draws.between(0.03, 0.07), slopes)
+    rings = [(r * share, height * _bump(share)) for share in shares]
     lane.stand("felt", revolved([(0.0, -ROOT), (r, -ROOT), *rings], 32), left=draws.between(-0.2, 0.2))
     lane.go(r + 0.05)
 
 
 def hump(lane: Lane, draws: Draws) -> None:
     """Let the ground swell across the lane."""
-    _swell(lane, draws.between(0.04, 0.1), draws.between(0.8, 1.1))
+    _swell(lane, draws.between(0.04, 0.1), draws.between(0.8, 1.1), 1)
 
 
 def ditch(lane: Lane, draws: Draws) -> None:
     """Let the ground sink across the lane."""
-    _swell(lane, -draws.between(0.03, 0.08), draws.between(0.8, 1.1))
+    _swell(lane, draws.between(0.03, 0.08), draws.between(0.8, 1.1), -1)
 
 
 def rise(lane: Lane, draws: Draws) -> None:
     """Let the lane climb."""
-    _slope(lane, draws.between(0.06, 0.16), draws.between(0.9, 1.4))
+    _slope(lane, draws.between(0.06, 0.16), draws.between(0.9, 1.4), 1)
 
 
 def fall(lane: Lane, draws: Draws) -> None:
     """Let the lane descend."""
-    _slope(lane, -draws.between(0.06, 0.16), draws.between(0.9, 1.4))
+    _slope(lane, draws.between(0.06, 0.16), draws.between(0.9, 1.4), -1)
 
 
 def jump(lane: Lane, draws: Draws) -> None:
     """Raise a ramp that ends in a drop: the ball flies."""
     lane.go(0.2)
-    height = draws.between(0.06, 0.12)
-    lane.go(draws.between(0.5, 0.8), height)
+    length = draws.between(0.5, 0.8)
+    height = _telling(draws.between(0.06, 0.12), [1.0 / length])
+    lane.go(length, height)
     lane.go(0.1)
     lane.go(STEP, -height)
     lane.go(0.7)
@@ -181,21 +194,32 @@ def drop(lane: Lane, draws: Draws) -> None:
     lane.go(0.4)
 
 
-def _slope(lane: Lane, height: float, length: float) -> None:
+def _slope(lane: Lane, height: float, length: float, sign: int) -> None:
     lane.go(0.15)
     # Gentler at both ends, so that the ball meets three small turns instead of two larger ones.
-    for share, part in ((0.2, 0.1), (0.6, 0.8), (0.2, 0.1)):
+    pieces = ((0.2, 0.1), (0.6, 0.8), (0.2, 0.1))
+    height = sign * _telling(height, [part / (share * length) for share, part in pieces])
+    for share, part in pieces:
         lane.go(share * length, part * height)
     lane.go(0.25)
 
 
-def _swell(lane: Lane, height: float, length: float) -> None:
+def _swell(lane: Lane, height: float, length: float, sign: int) -> None:
     lane.go(0.15)
-    levels = [height * _bump(2.0 * k / SWELL - 1.0) for k in range(SWELL + 1)]
-    for before, after in itertools.pairwise(levels):
-        lane.go(length / SWELL, after - before)
-    lane.z -= levels[-1]
+    level, piece = lane.z, length / SWELL
+    shares = [_bump(2.0 * k / SWELL - 1.0) for k in range(SWELL + 1)]
+    height = sign * _telling(height, [(b - a) / piece for a, b in itertools.pairwise(shares)])
+    for share in shares[1:]:
+        lane.go(piece, level + height * share - lane.z)
+    lane.z = level
     lane.go(0.25)
+
+
+def _telling(height: float, slopes: list[float]) -> float:
+    """Return a height, hardly larger, at which no slope is near ROLLING; ``slopes`` are those of height 1."""
+    while any(abs(abs(height * slope) - ROLLING) < CREEP for slope in slopes):
+        height *= 1.0625
+    return height
 
 
 def _wing(lane: Lane, border: float, end: float) -> None:

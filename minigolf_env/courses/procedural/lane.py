@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from minigolf_env.courses.course import Point2, Point3
 from minigolf_env.courses.procedural.draws import direction
-from minigolf_env.courses.procedural.meshes import Solid
+from minigolf_env.courses.procedural.meshes import GRAIN, Solid
 
 QUARTER = 6
 """Steps of heading in a right angle."""
@@ -65,7 +65,7 @@ class Lane:
     def go(self, length: float, rise: float = 0.0, width: float | None = None) -> None:
         """Lay a straight piece that rises by ``rise`` and ends with a width; None: as the taper has it."""
         self.x, self.y = self.at(length, 0.0)
-        self.z += rise
+        self.z = round((self.z + rise) / GRAIN) * GRAIN  # Where the cup is to be, exactly.
         self.width = self.width + self.taper * length if width is None else width
         self._lay()
 

@@ -16,7 +16,7 @@ from minigolf_env.courses.procedural.draws import circle
 FloatArray: TypeAlias = NDArray[np.float64]
 Indices: TypeAlias = NDArray[np.int64]
 
-GRAIN = 2.0**-16
+GRAIN = 2.0**-24
 """Coordinates are multiples of this, m: no rounding of what they were computed with can show."""
 
 
