@@ -17,17 +17,17 @@ from minigolf_env.courses import Course, CourseError, load_course
 from minigolf_env.courses.procedural import DIFFICULTIES, GENERATOR, LEVELS_KEPT, _build, level_name
 from minigolf_env.courses.procedural.build import BORDER, FELT, build_level
 from minigolf_env.courses.procedural.draws import Draws
-from minigolf_env.courses.procedural.features import CREEP, ROLLING
+from minigolf_env.courses.procedural.features import LEAST_SLOPE
 from minigolf_env.courses.procedural.layout import lay_out
 from minigolf_env.envs import MiniGolfEnv
 from minigolf_env.envs.options import _world
 
 PINNED = {
-    ("easy", 0): "47d92cc84298a331",
-    ("easy", 2**31 - 1): "c49a5daf3c4ffd98",
-    ("medium", 1): "f3a81905c8577e2a",
-    ("hard", 2): "d6379eaf897d6f9f",
-    ("hard", 12345): "90a9b6dacf1fe116",
+    ("easy", 0): "7032471adce0945f",
+    ("easy", 2**31 - 1): "fb05a00a7563dc17",
+    ("medium", 1): "00bfe365a5ccc638",
+    ("hard", 2): "70695ee18b5f94eb",
+    ("hard", 12345): "8672e534c544804e",
 }
 """Each level's fingerprint. If a change of the levels is meant, raise GENERATOR and pin the new ones."""
 
@@ -107,15 +107,15 @@ def test_the_floor_covers_its_lane_once(difficulty: str, level: int) -> None:
 
 
 @pytest.mark.parametrize(("difficulty", "level"), SAMPLE)
-def test_no_ball_creeps(difficulty: str, level: int) -> None:
-    """No felt slopes so that a ball neither speeds up nor slows; the ground around tee and cup is level."""
+def test_balls_roll_down_every_slope(difficulty: str, level: int) -> None:
+    """Felt is level, or steeper than rolling resistance holds a ball on."""
     course = build_level(difficulty, level)
     for part in (part for part in course.parts if part.mesh.surface == FELT):
         a, b, c = np.moveaxis(part.mesh.triangles, 1, 0)
         normals = np.cross(b - a, c - a)
         upward = normals[normals[:, 2] > 1e-9]
         slopes = np.hypot(upward[:, 0], upward[:, 1]) / upward[:, 2]
-        assert np.abs(slopes - ROLLING).min() > 0.8 * CREEP
+        assert ((slopes < 1e-6) | (slopes > 0.99 * LEAST_SLOPE)).all()
 
 
 @pytest.mark.parametrize(("difficulty", "level"), [(d, 50 + k) for d, k in itertools.product(DIFFICULTIES, range(3))])

@@ -12,7 +12,7 @@ from minigolf_env.courses.course import GOLF_BALL, Course, CourseError, Cup, Mat
 from minigolf_env.courses.procedural.draws import FINE, Draws, circle
 from minigolf_env.courses.procedural.features import HEIGHT, ROLLING, ROOT
 from minigolf_env.courses.procedural.layout import DIFFICULTIES, GENERATOR, TEE_LENGTH, Layout, lay_out
-from minigolf_env.courses.procedural.meshes import Solid, between_loops, loft, merged, revolved, slab
+from minigolf_env.courses.procedural.meshes import PITCH, Solid, between_loops, loft, merged, revolved, slab
 from minigolf_env.physics import Surface, TriangleMesh
 
 SIDES = 64
@@ -155,7 +155,7 @@ def _liner(cup: Cup) -> Solid:
 
 
 def _border(layout: Layout, bottom: float) -> Solid:
-    """Return the border: a wall around the lane, as high above the floor everywhere."""
+    """Return the border: a wall around the lane, as high above the floor everywhere, its top falling inwards."""
     inner = np.array([layout.lane.points[k] for k in layout.lane.ring()])
     ways = np.roll(inner, -1, axis=0)[:, :2] - inner[:, :2]
     ways = ways / np.sqrt(ways[:, :1] * ways[:, :1] + ways[:, 1:] * ways[:, 1:])
@@ -164,5 +164,5 @@ def _border(layout: Layout, bottom: float) -> Solid:
     mitre = (before + after) / (1.0 + before[:, :1] * after[:, :1] + before[:, 1:] * after[:, 1:])
     outer = inner[:, :2] + BORDER * mitre
     top, low = inner[:, 2:] + HEIGHT, np.full((len(inner), 1), bottom)
-    corners = [(inner[:, :2], low), (inner[:, :2], top), (outer, top), (outer, low)]
+    corners = [(inner[:, :2], low), (inner[:, :2], top), (outer, top + PITCH * BORDER), (outer, low)]
     return loft(np.stack([np.column_stack(corner) for corner in corners], axis=1), cyclic=True)

@@ -13,7 +13,7 @@ from typing import TypeAlias
 import numpy as np
 
 from minigolf_env.courses.procedural.draws import Draws, circle
-from minigolf_env.courses.procedural.lane import Lane
+from minigolf_env.courses.procedural.lane import QUARTER, Lane
 from minigolf_env.courses.procedural.meshes import box, loft, prism, revolved
 
 Feature: TypeAlias = Callable[[Lane, Draws], None]
@@ -33,14 +33,14 @@ STEP = 2.0**-5
 ROLLING = 1.829**2 / (2.0 * 0.3048 * 10.0) / 9.81
 """Rolling resistance of the felt, a fast green of Stimp 10: the slope on which a ball neither speeds up nor slows."""
 
-CREEP = 0.004
-"""No slope is nearer to ROLLING: a ball would creep along a metre of it for longer than 7 s."""
+LEAST_SLOPE = ROLLING + 0.012
+"""Felt is level or steeper: on gentler slopes balls creep for long, and rest where a putt along the slope is odd."""
 
-MIDDLE = 0.9952
-"""How far the middle of a side of a 32-gon is from its centre, in radii: there a mound is steepest."""
+SWELL = 6
+"""Flat pieces a hump is made of: more would be gentler than LEAST_SLOPE at its top and its feet."""
 
-SWELL = 10
-"""Flat pieces a hump is made of: the ball meets turns of a few degrees."""
+RINGS = 4
+"""The same of a mound, from its rim to its top."""
 
 
 def block(lane: Lane, draws: Draws) -> None:
@@ -147,10 +147,10 @@ def mound(lane: Lane, draws: Draws) -> None:
     """Lay a round mound of felt that turns balls aside."""
     r = draws.between(0.25, 0.4) * min(1.0, lane.width)
     lane.go(r + 0.05)
-    shares = [1.0 - k / 6.0 for k in range(7)]
-    inner = r * MIDDLE
-    slopes = [6.0 * (_bump(b) - _bump(a)) / inner for a, b in itertools.pairwise(shares)]
-    height = _telling(draws.between(0.03, 0.07), slopes)
+    shares = [1.0 - k / RINGS for k in range(RINGS + 1)]
+    height = _steep(
+        draws.between(0.04, 0.07), [RINGS * (_bump(b) - _bump(a)) / r for a, b in itertools.pairwise(shares)]
+    )
     rings = [(r * share, height * _bump(share)) for share in shares]
     lane.stand("felt", revolved([(0.0, -ROOT), (r, -ROOT), *rings], 32), left=draws.between(-0.2, 0.2))
     lane.go(r + 0.05)
@@ -168,19 +168,19 @@ def ditch(lane: Lane, draws: Draws) -> None:
 
 def rise(lane: Lane, draws: Draws) -> None:
     """Let the lane climb."""
-    _slope(lane, draws.between(0.06, 0.16), draws.between(0.9, 1.4), 1)
+    _slope(lane, draws.between(0.08, 0.16), draws.between(0.8, 1.2), 1)
 
 
 def fall(lane: Lane, draws: Draws) -> None:
     """Let the lane descend."""
-    _slope(lane, draws.between(0.06, 0.16), draws.between(0.9, 1.4), -1)
+    _slope(lane, draws.between(0.08, 0.16), draws.between(0.8, 1.2), -1)
 
 
 def jump(lane: Lane, draws: Draws) -> None:
     """Raise a ramp that ends in a drop: the ball flies."""
     lane.go(0.2)
     length = draws.between(0.5, 0.8)
-    height = _telling(draws.between(0.06, 0.12), [1.0 / length])
+    height = _steep(draws.between(0.06, 0.12), [1.0 / length])
     lane.go(length, height)
     lane.go(0.1)
     lane.go(STEP, -height)
@@ -197,8 +197,8 @@ def drop(lane: Lane, draws: Draws) -> None:
 def _slope(lane: Lane, height: float, length: float, sign: int) -> None:
     lane.go(0.15)
     # Gentler at both ends, so that the ball meets three small turns instead of two larger ones.
-    pieces = ((0.2, 0.1), (0.6, 0.8), (0.2, 0.1))
-    height = sign * _telling(height, [part / (share * length) for share, part in pieces])
+    pieces = ((0.15, 0.1), (0.7, 0.8), (0.15, 0.1))
+    height = sign * _steep(height, [part / (share * length) for share, part in pieces])
     for share, part in pieces:
         lane.go(share * length, part * height)
     lane.go(0.25)
@@ -208,24 +208,23 @@ def _swell(lane: Lane, height: float, length: float, sign: int) -> None:
     lane.go(0.15)
     level, piece = lane.z, length / SWELL
     shares = [_bump(2.0 * k / SWELL - 1.0) for k in range(SWELL + 1)]
-    height = sign * _telling(height, [(b - a) / piece for a, b in itertools.pairwise(shares)])
+    height = sign * _steep(height, [(b - a) / piece for a, b in itertools.pairwise(shares)])
     for share in shares[1:]:
         lane.go(piece, level + height * share - lane.z)
     lane.z = level
     lane.go(0.25)
 
 
-def _telling(height: float, slopes: list[float]) -> float:
-    """Return a height, hardly larger, at which no slope is near ROLLING; ``slopes`` are those of height 1."""
-    while any(abs(abs(height * slope) - ROLLING) < CREEP for slope in slopes):
-        height *= 1.0625
-    return height
+def _steep(height: float, slopes: list[float]) -> float:
+    """Return a height, larger if need be, at which every slope is LEAST_SLOPE; ``slopes`` are those of height 1."""
+    return max(height, LEAST_SLOPE / min(abs(slope) for slope in slopes))
 
 
 def _wing(lane: Lane, border: float, end: float) -> None:
     """Stand a wall across the lane, from a border to an end, both as places left of the middle."""
     beyond = border + (0.03 if border > 0.0 else -0.03)
-    lane.stand("wood", box(0.08, abs(beyond - end), -ROOT, HEIGHT), left=(beyond + end) / 2.0)
+    wall = box(abs(beyond - end), 0.08, -ROOT, HEIGHT)
+    lane.stand("wood", wall, left=(beyond + end) / 2.0, turned=QUARTER)
 
 
 def _bump(share: float) -> float:

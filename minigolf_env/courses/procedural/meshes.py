@@ -20,6 +20,10 @@ GRAIN = 2.0**-24
 """Coordinates are multiples of this, m: no rounding of what they were computed with can show."""
 
 
+PITCH = 0.25
+"""Slope of roofs: no ball comes to rest on one, or trembles there."""
+
+
 class Solid(NamedTuple):
     """A closed mesh."""
 
@@ -58,9 +62,10 @@ def loft(rings: ArrayLike, cyclic: bool = False) -> Solid:
 
 
 def prism(outline: ArrayLike, bottom: float, top: float) -> Solid:
-    """Return the solid over a convex outline (N, 2), counter-clockwise, between two levels."""
+    """Return the solid over a convex outline (N, 2), counter-clockwise, from a level to a roof that rises with y."""
     plan = np.asarray(outline, dtype=np.float64)
-    return loft([np.column_stack([plan, np.full(len(plan), z)]) for z in (bottom, top)])
+    roof = top + PITCH * (plan[:, 1] - plan[:, 1].min())
+    return loft([np.column_stack([plan, level]) for level in (np.full(len(plan), bottom), roof)])
 
 
 def box(length: float, width: float, bottom: float, top: float) -> Solid:
