@@ -17,6 +17,9 @@ from minigolf_env.physics.kernel import announced_compilation
 from minigolf_env.physics.parallel import in_parallel
 from minigolf_env.physics.types import RESULT, TOLERANCE, FloatArray, RecordArray, Scene, Shot
 
+FEW = 64
+"""Distances that are found sooner than threads are started."""
+
 NO_PATH, NO_LOG = np.empty((0, 4)), np.empty((0, 8))
 
 
@@ -61,7 +64,10 @@ def clearance_rows(scenes: Sequence[Scene], positions: FloatArray) -> FloatArray
             kernels.clearance_range(a, b, scene, positions, clearances)
 
     with announced_compilation("clearance"):
-        in_parallel(run, len(positions))
+        if len(positions) <= FEW:
+            run(0, len(positions))
+        else:
+            in_parallel(run, len(positions))
     return clearances
 
 

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from minigolf_env.courses import load_course
+from minigolf_env.courses.procedural import GENERATOR
 from minigolf_env.physics import World, WorldBatch
 
-NAMES = ["dogleg", "procedural-v1-hard-3", "procedural-v1-easy-4", "dogleg"]
+NAMES = ["dogleg", f"procedural-v{GENERATOR}-hard-3", f"procedural-v{GENERATOR}-easy-4", "dogleg"]
 
 
 @pytest.fixture(scope="module")
