@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from minigolf_env.physics import simulate as kernels
 from minigolf_env.physics.kernel import announced_compilation
+from minigolf_env.physics.neighbourhood import forget
 from minigolf_env.physics.parallel import in_parallel
 from minigolf_env.physics.types import RESULT, TOLERANCE, FloatArray, RecordArray, Scene, Shot
 
@@ -30,8 +31,9 @@ def simulate_rows(
     results: RecordArray = np.empty(len(positions), RESULT)
 
     def run(first: int, last: int) -> None:
+        scratch = kernels.new_scratch()
         for a, b, scene in _spans(scenes, len(positions), first, last):
-            scratch = kernels.new_scratch()
+            forget(scratch.near.cylinder)
             kernels.simulate_range(a, b, scene, scratch, steps, positions, velocities, results, NO_PATH, NO_LOG)
 
     with announced_compilation("simulate"):
