@@ -6,6 +6,7 @@ Commands are imported when they run, so that ``--help`` is quick.
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -27,6 +28,7 @@ def play(
     opponent: str | None = None,
     size: tuple[int, int] = (960, 600),
     profile: str = "auto",
+    log: bool = False,
 ) -> None:
     """Play minigolf with the mouse or the keyboard.
 
@@ -35,10 +37,11 @@ def play(
         opponent: plays against you: "search", "random" or a model's .zip file.
         size: of the window, pixels.
         profile: "high", "fast" or "auto".
+        log: print each event as a line of JSON, for programs that watch.
     """
     from minigolf_env.play import run
 
-    run(course, opponent=opponent, size=size, profile=profile)
+    run(course, opponent=opponent, size=size, profile=profile, log=log)
 
 
 @app.command
@@ -100,12 +103,12 @@ def benchmark(
         scoring.write_scores(json, policy, scores, observation=observation, max_strokes=max_strokes, seed=seed)
 
 
-def main() -> None:
-    """Run the command line; a user's mistake is one line on stderr."""
+def main(args: Sequence[str] | None = None) -> None:
+    """Run the command line, or the given arguments; a user's mistake is one line on stderr."""
     from minigolf_env.rendering import RenderingError
 
     try:
-        app.cli(prog="minigolf", description="Play minigolf, film a policy that does, or score it.")
+        app.cli(args=args, prog="minigolf", description="Play minigolf, film a policy that does, or score it.")
     except RenderingError as error:
         sys.exit(_say(error, NO_DISPLAY))
     except (ValueError, OSError, ImportError) as error:

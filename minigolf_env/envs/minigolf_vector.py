@@ -139,6 +139,11 @@ class MiniGolfVectorEnv(gym.vector.VectorEnv[Observations, Actions, NDArray[Any]
             raise ResetNeeded("Call reset() first: there are no balls on the course yet.")
         return tuple(screen.render() for screen in self.screens) or None
 
+    def close_extras(self, **kwargs: Any) -> None:
+        """Tell nothing more to those who film."""
+        for screen in self.screens:
+            screen.close()
+
     def _restart(self, ended: Flags, final: dict[str, Any]) -> dict[str, Any]:
         """Begin new episodes where one ended; return their info, with the old one's end in it."""
         final_obs = np.full(self.num_envs, None, dtype=object)

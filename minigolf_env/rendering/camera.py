@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from minigolf_env.courses import Course
+from minigolf_env.rendering.models import POLE_HEIGHT
 
 FloatArray = NDArray[np.float64]
 
@@ -30,9 +31,6 @@ MARGIN = 1.06
 
 ORBIT_RATE = 12.0
 """How fast the orbiting camera turns, degrees a second of the time shown."""
-
-FLAG_TOP = 0.62
-"""Height of the flag above the cup's rim, m: in a fitted view it is seen whole."""
 
 NEAR_END = 0.2
 """Nearer to the cup a following camera looks along the last leg of the route: the ball may roll past the cup, m."""
@@ -72,8 +70,10 @@ class Camera:
         scale = 1.0 / math.tan(math.radians(self.fov) / 2.0)
         projection = np.zeros((4, 4))
         projection[0, 0], projection[1, 1] = scale / aspect, scale
-        projection[2, 2] = (FAR + NEAR) / (NEAR - FAR)
-        projection[2, 3] = 2.0 * FAR * NEAR / (NEAR - FAR)
+        away = max(1.0, 3.0 * math.dist(self.eye, self.target) / FAR)  # From afar, as above a long or narrow picture.
+        near, far = away * NEAR, away * FAR
+        projection[2, 2] = (far + near) / (near - far)
+        projection[2, 3] = 2.0 * far * near / (near - far)
         projection[3, 2] = -1.0
         matrix = projection @ view
         matrix.flags.writeable = False
@@ -138,9 +138,10 @@ def follow_view(course: Course, ball: ArrayLike, aspect: float) -> Camera:
     x, y, z = (float(c) for c in np.asarray(ball, dtype=np.float64))
     if course.cup is None:
         return orbit_view(course, aspect)
-    z = max(z, course.cup.position[2] + course.ball_radius)  # Not down into the cup.
     ahead = _heading(course, (x, y), 1.2)
     away = math.hypot(course.cup.position[0] - x, course.cup.position[1] - y)
+    if away < course.cup.radius:
+        z = max(z, course.cup.position[2] + course.ball_radius)  # Not down into the cup.
     near = min(1.0, away / 2.0)
     back, height, reach = 0.55 + 0.55 * near, 0.42 + 0.4 * near, 0.25 + 0.4 * near
     eye = (x - back * ahead[0], y - back * ahead[1], z + height)
@@ -174,7 +175,7 @@ def _fitted(
 ) -> Camera:
     points = [part.mesh.vertices for part in course.parts]
     if course.cup is not None:
-        points.append(np.add(course.cup.position, [(0.0, 0.0, FLAG_TOP)]))
+        points.append(np.add(course.cup.position, [(0.0, 0.0, POLE_HEIGHT)]))
     return fit(np.concatenate(points), direction, up, fov, aspect)
 
 

@@ -10,8 +10,9 @@ import functools
 import os
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
+from functools import partial
 from typing import Any, Protocol
 
 from minigolf_env.rendering.errors import RenderingError
@@ -80,15 +81,16 @@ class HeadlessContext:
     def _create(self) -> tuple[Any, Any]:
         """Return the first display that can draw, and a context on it."""
         tried = []
-        for name, display in self._displays():
+        for name, find in self._displays():
             try:
+                display = find()
                 return display, self._context_on(display)
             except Exception as error:
                 tried.append(f"{name}: {_reason(error)}")
         raise RenderingError(f"rendering: no EGL display can draw. Tried {'; '.join(tried) or 'none'}. {INSTALL}")
 
-    def _displays(self) -> Iterator[tuple[str, Any]]:
-        """Yield the displays to try: hardware first, then Mesa's without a surface, then the default one."""
+    def _displays(self) -> Iterator[tuple[str, Callable[[], Any]]]:
+        """Yield what finds the displays to try: hardware first, then Mesa's without a surface, then the default one."""
         egl = self._egl
         extensions = (egl.eglQueryString(egl.EGL_NO_DISPLAY, egl.EGL_EXTENSIONS) or b"").decode()
         if "EGL_EXT_platform_device" in extensions and "EGL_EXT_device_enumeration" in extensions:
@@ -100,13 +102,13 @@ class HeadlessContext:
                         f"{DEVICE_VARIABLE}: expected a number below {len(devices)}, received {chosen!r}; unset it to "
                         "take the first device that works."
                     )
-                yield f"device {chosen}", _platform_display(PLATFORM_DEVICE, devices[int(chosen)])
+                yield f"device {chosen}", partial(_platform_display, PLATFORM_DEVICE, devices[int(chosen)])
                 return
             for k, device in enumerate(devices):
-                yield f"device {k}", _platform_display(PLATFORM_DEVICE, device)
+                yield f"device {k}", partial(_platform_display, PLATFORM_DEVICE, device)
         if "EGL_MESA_platform_surfaceless" in extensions:
-            yield "surfaceless", _platform_display(PLATFORM_SURFACELESS, egl.EGL_DEFAULT_DISPLAY)
-        yield "default", egl.eglGetDisplay(egl.EGL_DEFAULT_DISPLAY)
+            yield "surfaceless", partial(_platform_display, PLATFORM_SURFACELESS, egl.EGL_DEFAULT_DISPLAY)
+        yield "default", partial(egl.eglGetDisplay, egl.EGL_DEFAULT_DISPLAY)
 
     def _context_on(self, display: Any) -> Any:
         egl = self._egl
@@ -139,21 +141,30 @@ def check_process(process: int) -> None:
 def _load_egl() -> Any:
     """Return PyOpenGL's EGL module."""
     try:
-        from OpenGL import EGL
+        from OpenGL import EGL, platform
     except Exception as error:  # PyOpenGL raises ImportError, AttributeError or TypeError where the library is missing.
         raise RenderingError(f"rendering: libEGL cannot be used: {_reason(error)}. {INSTALL}") from error
+    chosen = type(platform.PLATFORM).__name__
+    if "EGL" not in chosen:
+        raise RenderingError(
+            f"rendering: expected PyOpenGL on EGL, received {chosen}, because it was imported or set up first; "
+            "import minigolf_env.rendering.gl_context before OpenGL, or set PYOPENGL_PLATFORM=egl."
+        )
     return EGL
 
 
 def _devices(egl: Any) -> list[Any]:
-    """Return the EGL devices of this machine."""
+    """Return the EGL devices of this machine; none where asking fails."""
     from OpenGL.EGL.EXT.device_enumeration import eglQueryDevicesEXT
     from OpenGL.raw.EGL._types import EGLDeviceEXT
 
     count = egl.EGLint()
-    eglQueryDevicesEXT(0, None, count)
-    devices = (EGLDeviceEXT * count.value)()
-    eglQueryDevicesEXT(count.value, devices, count)
+    try:
+        eglQueryDevicesEXT(0, None, count)
+        devices = (EGLDeviceEXT * count.value)()
+        eglQueryDevicesEXT(count.value, devices, count)
+    except egl.EGLError:
+        return []
     return list(devices)
 
 
@@ -186,7 +197,10 @@ def for_windows() -> Iterator[None]:
 
     GLX makes none current beside EGL's, such as one that another library has left current.
     """
-    egl = _load_egl() if sys.platform == "linux" else None
+    try:
+        egl = _load_egl() if sys.platform == "linux" else None
+    except RenderingError:
+        egl = None  # Nobody uses it then.
     context = egl.eglGetCurrentContext() if egl is not None else None
     if egl is None or not context:
         yield
@@ -221,4 +235,4 @@ def _load_glx() -> Any:
 
 
 def _reason(error: Exception) -> str:
-    return f"{type(error).__name__}: {error}".splitlines()[0]
+    return f"{type(error).__name__}: {' '.join(str(error).split())}"

@@ -8,10 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 from OpenGL import GL
 
+from minigolf_env.courses import Course
 from minigolf_env.rendering import models
-from minigolf_env.rendering.gl_objects import Mesh, Program, texture
-from minigolf_env.rendering.moving import SUN, seen_between
-from minigolf_env.rendering.scene import Scene
+from minigolf_env.rendering.gl_objects import Mesh, Program, start_afresh, texture
+from minigolf_env.rendering.moving import CLOTH, SUN, seen_between
+from minigolf_env.rendering.scene import build_scene
 
 FloatArray = NDArray[np.float64]
 Runs = list[tuple[int, int]]
@@ -29,6 +30,15 @@ SUN_BLUR, SKY_BLUR = 0.012, 0.07
 """How wide the edges of the sun's shadows and of the dimmer light near walls are, m."""
 
 
+FRAME_BLOCK = np.dtype(
+    [
+        *((name, "<f4", (4, 4)) for name in ("clip_from_world", "sun_from_world", "sky_from_world")),
+        *((name, "<f4", (4,)) for name in ("eye", "sun", "ball", "flag", "cloth", "cup", "middle", "ground")),
+    ]
+)
+"""The uniform block Frame of common.glsl (std140; matrices by columns)."""
+
+
 class DepthMap(NamedTuple):
     """How deep below a far light the course lies: mean and mean square, blurred, for soft shadows."""
 
@@ -43,18 +53,21 @@ class CourseBuffers:
     """A course's mesh, the lawn around it, and the maps of what of it the sun and the sky see.
 
     Args:
-        scene: the course.
+        course: the course.
         program: draws depths.
     """
 
-    def __init__(self, scene: Scene, program: Program) -> None:
-        self.scene = scene
+    def __init__(self, course: Course, program: Program) -> None:
+        self.scene = scene = build_scene(course)
         self._mesh = Mesh(scene.vertices, scene.indices)
         lower, upper = (np.array([getattr(chunk, side) for chunk in scene.chunks]) for side in ("lower", "upper"))
         self._boxes = 0.5 * (lower + upper), 0.5 * (upper - lower)
         self.sun = self._depth_map(program, SUN, SUN_MAP, SUN_BLUR)
         self.sky = self._depth_map(program, UP, SKY_MAP, SKY_BLUR)
         self.lawn = Mesh(*models.lawn(self._lies_on_ground(program), scene.lower, scene.upper, LAWN_REACH))
+
+        self.frame = self._frame_block(course)
+        """A record of FRAME_BLOCK with what is the same in every picture of the course."""
 
     def visible(self, clip: FloatArray, edges: FloatArray) -> list[tuple[str, Runs]]:
         """Return what may be seen between edges (2, 2) of a picture, by material."""
@@ -80,6 +93,17 @@ class CourseBuffers:
         self.lawn.delete()
         GL.glDeleteTextures([self.sun.texture, self.sky.texture])
 
+    def _frame_block(self, course: Course) -> NDArray[np.void]:
+        block, lower, upper = np.zeros((), FRAME_BLOCK), self.scene.lower, self.scene.upper
+        block["sun_from_world"], block["sky_from_world"] = self.sun.from_world.T, self.sky.from_world.T
+        block["sun"][:3], block["middle"][:3] = SUN, 0.5 * (lower + upper)
+        block["ground"] = lower[2], 0.5 * np.linalg.norm(upper - lower), self.sun.depth, self.sky.depth
+        if course.cup is not None:
+            block["flag"][3] = models.POLE_HEIGHT
+            block["cloth"] = *CLOTH, models.CLOTH_LENGTH, models.CLOTH_WIDTH
+            block["cup"] = *course.cup.position, course.cup.radius
+        return block
+
     def _depth_map(self, program: Program, toward: FloatArray, size: int, blur: float) -> DepthMap:
         """Return the map (size, size) as a light far away in a direction sees it, blurred by some metres."""
         lower, upper = self.scene.lower - 0.1, self.scene.upper + 0.1
@@ -104,7 +128,7 @@ class CourseBuffers:
     def _lies_on_ground(self, program: Program) -> NDArray[np.bool_]:
         """Return for cells in plan (LAWN_CELLS, LAWN_CELLS) whether they are all covered at the ground's level."""
         lower, upper = self.scene.lower, self.scene.upper
-        spread = upper - lower
+        spread = np.maximum(upper - lower, 1e-6)
         clip = np.diag([*(2.0 / spread), 1.0])
         clip[:3, 3] = -(upper + lower) / spread
         fine = 8
@@ -124,8 +148,9 @@ def _depths(mesh: Mesh, program: Program, clip: FloatArray, size: int, both_side
     GL.glDrawBuffer(GL.GL_NONE)
     GL.glReadBuffer(GL.GL_NONE)
     GL.glViewport(0, 0, size, size)
-    GL.glEnable(GL.GL_DEPTH_TEST)
-    (GL.glDisable if both_sides else GL.glEnable)(GL.GL_CULL_FACE)
+    start_afresh()
+    if both_sides:
+        GL.glDisable(GL.GL_CULL_FACE)
     GL.glFrontFace(GL.GL_CCW)
     GL.glClear(GL.GL_DEPTH_BUFFER_BIT)
     GL.glUseProgram(program.name)

@@ -6,6 +6,8 @@ Each works in the context that is current, and is freed by ``delete`` in the sam
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib.resources import files
 from typing import Any
 
@@ -20,7 +22,7 @@ from minigolf_env.rendering.scene import VERTEX
 
 Picture = NDArray[np.uint8]
 
-MATERIALS = ("felt", "lawn", "wood", "stone", "wall", "cup", "cloth", "pole", "ball")
+MATERIALS = ("felt", "lawn", "wood", "stone", "wall", "cup", "cloth", "pole", "ball", "ghost")
 """What surface.frag knows how to paint: a program each."""
 
 FRAME_SLOT = 5
@@ -131,17 +133,34 @@ class Lines:
         GL.glBindVertexArray(self._array)
         GL.glBindBuffer(GL.GL_ARRAY_BUFFER, self._buffer)
         GL.glBufferData(GL.GL_ARRAY_BUFFER, vertices.nbytes, vertices, GL.GL_STREAM_DRAW)
-        GL.glEnable(GL.GL_BLEND)
-        GL.glBlendFunc(GL.GL_SRC_ALPHA, GL.GL_ONE_MINUS_SRC_ALPHA)
         GL.glDisable(GL.GL_CULL_FACE)
-        GL.glDepthMask(GL.GL_FALSE)
-        first = 0
-        for strip in strips:
-            GL.glDrawArrays(GL.GL_TRIANGLE_STRIP, first, len(strip))
-            first += len(strip)
-        GL.glDepthMask(GL.GL_TRUE)
+        with blended():
+            first = 0
+            for strip in strips:
+                GL.glDrawArrays(GL.GL_TRIANGLE_STRIP, first, len(strip))
+                first += len(strip)
         GL.glEnable(GL.GL_CULL_FACE)
-        GL.glDisable(GL.GL_BLEND)
+
+
+@contextmanager
+def blended() -> Iterator[None]:
+    """Mix what is drawn within a ``with`` block into what is there, by its opacity."""
+    GL.glEnable(GL.GL_BLEND)
+    GL.glBlendFunc(GL.GL_SRC_ALPHA, GL.GL_ONE_MINUS_SRC_ALPHA)
+    GL.glDepthMask(GL.GL_FALSE)
+    yield
+    GL.glDepthMask(GL.GL_TRUE)
+    GL.glDisable(GL.GL_BLEND)
+
+
+def start_afresh() -> None:
+    """Set what every drawing relies on, whatever one that was interrupted has left."""
+    for switch in (GL.GL_SCISSOR_TEST, GL.GL_BLEND):
+        GL.glDisable(switch)
+    for switch in (GL.GL_DEPTH_TEST, GL.GL_CULL_FACE):
+        GL.glEnable(switch)
+    GL.glDepthMask(GL.GL_TRUE)
+    GL.glDepthFunc(GL.GL_LESS)
 
 
 class Target:

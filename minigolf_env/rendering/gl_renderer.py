@@ -18,10 +18,19 @@ from minigolf_env.rendering import models, textures
 from minigolf_env.rendering.camera import Camera
 from minigolf_env.rendering.errors import RenderingError
 from minigolf_env.rendering.frame import Frame
-from minigolf_env.rendering.gl_course import UP, CourseBuffers
-from minigolf_env.rendering.gl_objects import FRAME_SLOT, Lines, Mesh, Program, Target, cube_map, texture
-from minigolf_env.rendering.moving import CLOTH, SUN, Box, flag_at_rest, seen_between
-from minigolf_env.rendering.scene import build_scene
+from minigolf_env.rendering.gl_course import FRAME_BLOCK, UP, CourseBuffers
+from minigolf_env.rendering.gl_objects import (
+    FRAME_SLOT,
+    Lines,
+    Mesh,
+    Program,
+    Target,
+    blended,
+    cube_map,
+    start_afresh,
+    texture,
+)
+from minigolf_env.rendering.moving import CLOTH, Box, flag_at_rest, seen_between
 
 FloatArray = NDArray[np.float64]
 Picture = NDArray[np.uint8]
@@ -42,15 +51,7 @@ NOWHERE = np.array([0.0, 0.0, -1e3])
 UPSIDE_DOWN = np.diag([1.0, -1.0, 1.0, 1.0])
 
 BACKGROUND = 0.62, 0.72, 0.80
-"""Of the sky, where the lawn ends."""
-
-FRAME_BLOCK = np.dtype(
-    [
-        *((name, "<f4", (4, 4)) for name in ("clip_from_world", "sun_from_world", "sky_from_world")),
-        *((name, "<f4", (4,)) for name in ("eye", "sun", "ball", "flag", "cloth", "cup", "middle", "ground")),
-    ]
-)
-"""The uniform block Frame of common.glsl (std140; matrices by columns)."""
+"""Of the sky, where the lawn ends: common.glsl's HAZE."""
 
 
 class Renderer:
@@ -67,7 +68,6 @@ class Renderer:
         self._targets: OrderedDict[tuple[tuple[int, int], int], Target] = OrderedDict()
         self._frame = GL.glGenBuffers(1)
         GL.glBindBuffer(GL.GL_UNIFORM_BUFFER, self._frame)
-        self._block = np.zeros((), FRAME_BLOCK)
         GL.glBufferData(GL.GL_UNIFORM_BUFFER, FRAME_BLOCK.itemsize, None, GL.GL_DYNAMIC_DRAW)
         felt, wood, stone = (texture(image) for image in (textures.felt(), textures.wood(), textures.stone()))
         self._paint = {"felt": felt, "lawn": felt, "wood": wood, "stone": stone}
@@ -91,7 +91,7 @@ class Renderer:
         Without a frame: the course with its flag, and no ball.
         """
         self._fast = profile == "fast"
-        buffers = self._keep(self._courses, course, lambda: CourseBuffers(build_scene(course), self._program("depth")))
+        buffers = self._keep(self._courses, course, lambda: CourseBuffers(course, self._program("depth")))
         target = self._target(size, SAMPLES[profile])
         part = part or Box(0, 0, *size)
         clip = UPSIDE_DOWN @ camera.clip_from_world(size[0] / size[1])
@@ -108,10 +108,7 @@ class Renderer:
         if course.cup is not None and self._is_flag_seen(foot, clip, edges):
             self._draw_flag(foot)
         if frame is not None:
-            self._use("ball", _model(frame.ball, frame.size * course.ball_radius, frame.turn))
-            w = float(clip[3] @ np.append(frame.ball, 1.0))
-            small = frame.size * course.ball_radius * camera.pixels_a_metre(w, size[1]) < SMALL
-            (self._small_ball if small else self._ball).draw()
+            self._draw_ball(course, camera, frame, clip, size[1])
             if frame.lines:
                 GL.glUseProgram(self._program("line").name)
                 self._lines.draw(frame.lines)
@@ -122,10 +119,9 @@ class Renderer:
     def _begin(self, target: Target, part: Box) -> None:
         target.bind()
         GL.glViewport(0, 0, *target.size)
+        start_afresh()
         GL.glEnable(GL.GL_SCISSOR_TEST)
         GL.glScissor(part.left, part.top, part.right - part.left, part.bottom - part.top)
-        GL.glEnable(GL.GL_DEPTH_TEST)
-        GL.glEnable(GL.GL_CULL_FACE)
         GL.glFrontFace(GL.GL_CW)  # Upside down.
         GL.glClearColor(*BACKGROUND, 1.0)
         GL.glClear(GL.GL_COLOR_BUFFER_BIT | GL.GL_DEPTH_BUFFER_BIT)
@@ -163,25 +159,29 @@ class Renderer:
         self._cloth.draw()
         GL.glEnable(GL.GL_CULL_FACE)
 
+    def _draw_ball(self, course: Course, camera: Camera, frame: Frame, clip: FloatArray, height: int) -> None:
+        """Draw the ball, and a ghost of it where something hides it."""
+        model = _model(frame.ball, frame.size * course.ball_radius, frame.turn)
+        distance = float(clip[3] @ np.append(frame.ball, 1.0))
+        radius = frame.size * course.ball_radius * camera.pixels_a_metre(distance, height)
+        ball = self._small_ball if radius < SMALL else self._ball
+        self._use("ball", model)
+        ball.draw()
+        self._use("ghost", model)
+        with blended():
+            GL.glDepthFunc(GL.GL_GREATER)
+            ball.draw()
+            GL.glDepthFunc(GL.GL_LESS)
+
     def _fill_frame(
         self, course: Course, buffers: CourseBuffers, clip: FloatArray, camera: Camera, frame: Frame | None
     ) -> None:
-        block = self._block
+        block = buffers.frame
         block["clip_from_world"] = clip.T
-        block["sun_from_world"], block["sky_from_world"] = buffers.sun.from_world.T, buffers.sky.from_world.T
-        block["eye"][:3], block["sun"][:3] = camera.eye, SUN
+        block["eye"][:3] = camera.eye
         block["ball"][:3] = NOWHERE if frame is None else frame.ball
         block["ball"][3] = course.ball_radius * (1.0 if frame is None else frame.size)
-        if course.cup is not None:
-            block["flag"][:3] = flag_at_rest(course) if frame is None else frame.flag
-            block["flag"][3] = models.POLE_HEIGHT
-            block["cloth"] = *CLOTH, models.CLOTH_LENGTH, models.CLOTH_WIDTH
-            block["cup"] = *course.cup.position, course.cup.radius
-        else:
-            block["flag"], block["cup"] = 0.0, 0.0
-        lower, upper = buffers.scene.lower, buffers.scene.upper
-        block["middle"][:3] = 0.5 * (lower + upper)
-        block["ground"] = lower[2], 0.5 * np.linalg.norm(upper - lower), buffers.sun.depth, buffers.sky.depth
+        block["flag"][:3] = flag_at_rest(course) if frame is None else frame.flag
         GL.glBindBuffer(GL.GL_UNIFORM_BUFFER, self._frame)
         GL.glBufferSubData(GL.GL_UNIFORM_BUFFER, 0, block.nbytes, block)
         GL.glBindBufferBase(GL.GL_UNIFORM_BUFFER, FRAME_SLOT, self._frame)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import platform
+import threading
 from collections import OrderedDict
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
@@ -22,6 +23,9 @@ if TYPE_CHECKING:
 
 Picture = NDArray[np.uint8]
 View = tuple[Course, Camera, tuple[int, int], str]
+
+_FIRST = threading.Lock()
+"""Held while the studio is made: threads get one and the same."""
 
 STILLS = 16
 """Pictures of courses without a ball that are kept, for views that come again."""
@@ -60,18 +64,16 @@ class Studio:
     def __init__(self, context: Context | None = None) -> None:
         self.context = context or _make_context()
         self._renderer: Renderer | None = None
-        self._stills: OrderedDict[View, Picture | None] = OrderedDict()
+        self._stills: OrderedDict[View, Picture] = OrderedDict()
+        self._latest: View | None = None
 
     def draw(self, view: View, frame: Frame) -> Picture:
         """Return a picture; the context is current."""
         course, camera, size, profile = view
-        if view not in self._stills:  # Perhaps the camera moves: a still would be of no use.
-            self._remember(view, None)
+        if view not in self._stills and view != self._latest:
+            self._latest = view  # Perhaps the camera moves: a still would be of no use.
             return self.renderer().draw(course, camera, frame, size, profile).read()
-        still = self._stills[view]
-        if still is None:
-            still = self.renderer().draw(course, camera, None, size, profile).read()
-        self._remember(view, still)
+        still = self._still(view)
         part = moving_part(course, camera, frame, size)
         picture = still.copy()
         if part.left < part.right and part.top < part.bottom:
@@ -79,11 +81,15 @@ class Studio:
             picture[part.top : part.bottom, part.left : part.right] = drawn.read(part)
         return picture
 
-    def _remember(self, view: View, still: Picture | None) -> None:
-        self._stills[view] = still
+    def _still(self, view: View) -> Picture:
+        """Return the picture without a ball; it is kept."""
+        course, camera, size, profile = view
+        if view not in self._stills:
+            self._stills[view] = self.renderer().draw(course, camera, None, size, profile).read()
+            if len(self._stills) > STILLS:
+                self._stills.popitem(last=False)
         self._stills.move_to_end(view)
-        if len(self._stills) > STILLS:
-            self._stills.popitem(last=False)
+        return self._stills[view]
 
     def renderer(self) -> Renderer:
         """Return the renderer; the context is current."""
@@ -102,7 +108,12 @@ def _make_context() -> Context:
     return HiddenWindow()
 
 
-@functools.cache
 def studio() -> Studio:
     """Return this process's studio, made when first asked for."""
+    with _FIRST:
+        return _studio()
+
+
+@functools.cache
+def _studio() -> Studio:
     return Studio()

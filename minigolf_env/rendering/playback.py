@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 
 import numpy as np
@@ -73,7 +74,7 @@ class Replay:
         self._path, self._times = path, times
         self._turns = _rolling(path, course.ball_radius, np.eye(3) if turn is None else turn)
         self._camera, self._aspect, self._clock = camera, aspect, clock
-        self._eyes = self._smoothed(path[-1] if lies is None else lies, before) if camera == "follow" else None
+        self._lies, self._before = path[-1] if lies is None else lies, before
 
     @property
     def last_turn(self) -> FloatArray:
@@ -101,7 +102,7 @@ class Replay:
 
     def camera(self, time: float) -> Camera:
         """Return the camera at a time, s."""
-        if self._eyes is None:
+        if self._camera != "follow":
             return view(self._camera, self.course, self._ball(time), self._aspect, self._clock + time)
         at = min(time * CAMERA_RATE, len(self._eyes) - 1.0)
         k = min(int(at), len(self._eyes) - 2)
@@ -116,14 +117,15 @@ class Replay:
     def _ball(self, time: float) -> FloatArray:
         return np.array([np.interp(time, self._times, self._path[:, k]) for k in range(3)])
 
-    def _smoothed(self, lies: FloatArray, before: Camera | None) -> FloatArray:
+    @functools.cached_property
+    def _eyes(self) -> FloatArray:
         """Return eye and target (K, 2, 3) of a following camera, CAMERA_RATE a second: smooth from the putt before."""
         moments = np.arange(math.ceil(self.duration * CAMERA_RATE) + 1) / CAMERA_RATE
-        balls = [self._ball(time) if time <= self.time else lies for time in moments]
+        balls = [self._ball(time) if time <= self.time else self._lies for time in moments]
         aims = [view("follow", self.course, ball, self._aspect) for ball in balls]
         poses = np.array([(aim.eye, aim.target) for aim in aims])
-        if before is not None:
-            poses[0] = before.eye, before.target
+        if self._before is not None:
+            poses[0] = self._before.eye, self._before.target
         share = 1.0 - math.exp(-1.0 / (CAMERA_RATE * CAMERA_LAG))
         for _ in range(2):
             for k in range(1, len(poses)):

@@ -15,6 +15,9 @@ FloatArray = NDArray[np.float64]
 CREASE = np.cos(np.radians(35.0))
 """Faces that meet at less than this angle are shaded as one smooth surface."""
 
+FAN = 100
+"""Faces around a vertex from which on it is the tip of a cone or the middle of a disc, and not smooth."""
+
 CHUNK = 2048
 """Triangles drawn or left out together, about: what the camera does not see costs nothing."""
 
@@ -91,15 +94,23 @@ def _smooth(faces: NDArray[np.int64], normals: FloatArray) -> FloatArray:
     vertex = faces.reshape(-1)[corner]
     starts = np.flatnonzero(np.concatenate([[True], vertex[1:] != vertex[:-1]]))
     counts = np.diff(np.append(starts, len(vertex)))
+    smooth = np.repeat(normals, 3, axis=0)
+    starts, counts = starts[counts <= FAN], counts[counts <= FAN]
     # Every corner with every corner at the same vertex.
     many = np.repeat(counts, counts)
-    one = np.repeat(corner, many)
-    offsets = np.arange(len(one)) - np.repeat(np.cumsum(many) - many, many)
-    other = corner[np.repeat(np.repeat(starts, counts), many) + offsets]
+    one = np.repeat(corner[_ranges(starts, counts)], many)
+    other = corner[_ranges(np.repeat(starts, counts), many)]
     n, m = normals[one // 3], normals[other // 3]
     gentle = np.sum(n * m, axis=1) >= CREASE
     total = np.stack([np.bincount(one, m[:, k] * gentle, faces.size) for k in range(3)], axis=-1)
-    return np.asarray(total / np.linalg.norm(total, axis=1, keepdims=True)).reshape(-1, 3, 3)
+    met = np.unique(one)
+    smooth[met] = total[met] / np.linalg.norm(total[met], axis=1, keepdims=True)
+    return smooth.reshape(-1, 3, 3)
+
+
+def _ranges(starts: NDArray[np.int64], counts: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return start, start + 1, ... of each range, one after another."""
+    return np.arange(counts.sum()) + np.repeat(starts - np.cumsum(counts) + counts, counts)
 
 
 def _grain(triangles: FloatArray) -> FloatArray:

@@ -152,7 +152,8 @@ class Screen:
             self._begin(event)
 
     def close(self) -> None:
-        """Close the window, if there is one."""
+        """Close the window, if there is one, and tell mirrors nothing more."""
+        self._mirrors = []
         if self._window is not None:
             self._window.close()
 
@@ -161,6 +162,8 @@ class Screen:
             return
         self._unseen = [*before, event]
         if self._settings.mode == "human":
+            if self._window is not None and not self._window.is_open:
+                self.forget()
             for shown in self._take():
                 replay = self._replay(shown)
                 if replay is None:
@@ -193,7 +196,7 @@ class Screen:
             turn=self._turn,
             clock=self._clock,
             lies=event.lies,
-            before=None if self._last is None else self._last.last_camera,
+            before=None if self._last is None or self._settings.mode == "rgb_array" else self._last.last_camera,
         )
         self._turn, self._clock, self._last = replay.last_turn, self._clock + replay.time, replay
         return replay

@@ -34,7 +34,7 @@ def growth(act: Callable[[int], None], times: int) -> Growth:
 
 
 def environments(times: int) -> Growth:
-    """Return what creating, rendering and closing environments gains; courses, sizes and cameras change."""
+    """Return what creating, rendering and closing environments gains; sizes and cameras change."""
 
     def act(k: int) -> None:
         size = 32 + k % 12

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from minigolf_env.courses import load_course
-from minigolf_env.rendering.camera import CAMERAS, FLAG_TOP, MARGIN, Camera, FloatArray, follow_view, view
+from minigolf_env.rendering.camera import CAMERAS, MARGIN, Camera, FloatArray, follow_view, view
+from minigolf_env.rendering.models import POLE_HEIGHT
 
-ASPECTS = (0.6, 1.0, 16 / 9)
+ASPECTS = (0.1, 0.6, 1.0, 16 / 9)
 COURSES = ("dogleg", "room")
 DOGLEG = load_course("dogleg")
 
@@ -31,7 +32,7 @@ def test_a_fitted_view_shows_the_whole_course_and_no_more_than_needed(course: st
     camera = view(name, golf, np.zeros(3), aspect)
     points = [part.mesh.vertices for part in golf.parts]
     if golf.cup is not None:
-        points.append(np.add(golf.cup.position, [(0.0, 0.0, FLAG_TOP)]))
+        points.append(np.add(golf.cup.position, [(0.0, 0.0, POLE_HEIGHT)]))
     at = seen(camera, np.concatenate(points), aspect)
     assert np.abs(at).max() <= 1.0
     edges = np.array([at[:, :2].max(axis=0), -at[:, :2].min(axis=0)]) * MARGIN

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
+import dataclasses
 import hashlib
 import os
 import subprocess
@@ -26,6 +28,8 @@ pytestmark = pytest.mark.usefixtures("gl")
 ROOT = Path(__file__).parents[2]
 GOLDEN = ROOT / "tests" / "data" / "pictures"
 SIZE = (240, 180)
+CLOSE = {"close": ((3.2, 1.9), (3.1, 1.75, 0.12)), "cup": ((3.35, 2.0), (3.2, 1.7, 0.35))}
+"""Where the ball lies and from where it is seen closely, m."""
 DOGLEG = load_course("dogleg")
 ALIKE = 0.75
 """Mean difference (of 255) that pictures of other graphics libraries may have; a missing ball differs by more."""
@@ -114,13 +118,38 @@ def test_other_threads_draw_the_same() -> None:
     assert len(drawn) == 4 and all((one == expected).all() for one in drawn)
 
 
-@pytest.mark.parametrize("camera", ["follow", "top", "tee", "orbit"])
-def test_pictures_are_those_looked_at_when_they_were_made(camera: str) -> None:
+def stored(name: str) -> Picture:
+    """Return a picture as it was when it was looked at."""
+    return np.asarray(Image.open(GOLDEN / f"dogleg_{name}.png").convert("RGB"))
+
+
+def golden(name: str) -> Picture:
+    """Return a stored picture's like: a view's name, "close" (to the ball) or "cup"."""
+    if name not in CLOSE:
+        return picture(camera=name)
+    place, eye = CLOSE[name]
+    frame = moment(place)._replace(flag=flag_at_rest(DOGLEG))
+    studio = Studio()
+    with studio.context.current():
+        return studio.draw((DOGLEG, Camera(eye, (*place, 0.0)), SIZE, "high"), frame)
+
+
+@pytest.mark.parametrize("name", ["follow", "top", "tee", "orbit", "close", "cup"])
+def test_pictures_are_those_looked_at_when_they_were_made(name: str) -> None:
     """Against stored pictures, with room for other graphics libraries: ``python -m tests.rendering.test_pictures``."""
-    stored = np.asarray(Image.open(GOLDEN / f"dogleg_{camera}.png").convert("RGB"))
-    now = picture(camera=camera)
-    assert np.abs(now.astype(float) - stored).mean() < ALIKE
-    assert difference(now, stored) < 4.0 * ALIKE
+    now = golden(name)
+    assert np.abs(now.astype(float) - stored(name)).mean() < ALIKE
+    assert difference(now, stored(name)) < 4.0 * ALIKE
+
+
+def test_a_hidden_ball_is_hinted_at() -> None:
+    """Behind the border a pale disc shows where it is; in the open there is none over the ball."""
+    camera = Camera((-0.6, 0.6, 0.15), (0.3, 0.6, 0.0))
+    hidden = moment((0.03, 0.6))._replace(lines=())
+    away = hidden._replace(ball=hidden.ball + np.array([3.0, 0.0, 0.0]))
+    seen = draw(DOGLEG, camera, hidden, SIZE, "high"), draw(DOGLEG, camera, away, SIZE, "high")
+    changed = np.abs(seen[0].astype(int) - seen[1]).max(axis=2) > 20
+    assert 20 < changed.sum() < 0.02 * changed.size
 
 
 def without(what: str) -> Picture:
@@ -140,38 +169,100 @@ def test_the_comparison_notices_what_is_missing(what: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("broken", "change"),
+    ("broken", "name", "change"),
     [
-        ("the sun's shadows", ("direct *= visible(sun_map", "if (false) direct *= visible(sun_map")),
-        ("the ball's shadow", ("direct *= past_ball(place)", "direct *= 1.0")),
-        ("the flag's shadow", ("direct *= past_flag(place)", "direct *= 1.0")),
-        ("the cup's depth", ("if (cup.w > 0.0) albedo", "if (false) albedo")),
-        ("the mown stripes", ("sin(place.x * (PI / 0.22))", "0.0")),
-        ("the grain of the wood", ("float ring = ", "float ring = 0.0 * ")),
+        ("the sun's shadows", "follow", ("direct *= visible(sun_map", "if (false) direct *= visible(sun_map")),
+        ("the sky's shadows", "cup", ("open *= mix(0.1", "if (false) open *= mix(0.1")),
+        ("the ball's shadow", "close", ("direct *= past_ball(place)", "direct *= 1.0")),
+        ("the shade under the ball", "close", ("open = 1.0 - 0.85 * cover", "open = 1.0")),
+        ("the dimples", "close", ("* (skin.rgb * 2.0 - 1.0)), 0.8)", "* (skin.rgb * 2.0 - 1.0)), 0.0)")),
+        ("the ball's band", "close", ("mix(vec3(0.80, 0.10, 0.06), vec3(0.93), skin.a)", "vec3(0.93)")),
+        ("the flag's shadow", "cup", ("direct *= past_flag(place)", "direct *= 1.0")),
+        ("the cup's depth", "cup", ("if (cup.w > 0.0) albedo", "if (false) albedo")),
+        ("the mown stripes", "top", ("sin(place.x * (PI / 0.22))", "0.0")),
+        ("the grain of the wood", "follow", ("float ring = ", "float ring = 0.0 * ")),
+        ("the gloss", "close", ("if (gloss > 0.0)", "if (false)")),
     ],
 )
 def test_the_comparison_notices_broken_shaders(
-    broken: str, change: tuple[str, str], monkeypatch: pytest.MonkeyPatch
+    broken: str, name: str, change: tuple[str, str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Without one of the lights the stored picture from the tee is missed by more than it may be."""
-    from minigolf_env.rendering import gl_objects
+    """Without one of the lights a stored picture is missed by more than it may be."""
+    from minigolf_env.rendering import gl_objects, offscreen
 
     sources = gl_objects.source
 
-    def altered(name: str) -> str:
-        text = sources(name)
-        assert name != "surface.frag" or change[0] in text, f"surface.frag has changed: {change[0]}"
+    def altered(file: str) -> str:
+        text = sources(file)
+        assert file != "surface.frag" or change[0] in text, f"surface.frag has changed: {change[0]}"
         return text.replace(*change)
 
     monkeypatch.setattr(gl_objects, "source", altered)
-    frame = moment((3.2, 1.9))._replace(flag=flag_at_rest(DOGLEG))
-    camera = view("follow", DOGLEG, np.array([3.0, 1.4, 0.0]), SIZE[0] / SIZE[1])
-    if broken == "the ball's shadow":
-        camera = Camera((3.1, 1.6, 0.2), (3.2, 1.9, 0.0))
     fresh = Studio()
-    with fresh.context.current():
-        bad = fresh.draw((DOGLEG, camera, SIZE, "high"), frame)
-    assert difference(bad, draw(DOGLEG, camera, frame, SIZE, "high")) > 4.0 * ALIKE
+    monkeypatch.setattr(offscreen, "studio", lambda: fresh)
+    assert difference(golden(name), stored(name)) > 4.0 * ALIKE, broken
+
+
+def test_an_interrupted_picture_spoils_no_other(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Wherever drawing stops, the next picture is right, and so is that of a course drawn for the first time."""
+    from minigolf_env.rendering import gl_objects, gl_renderer
+
+    expected = picture(), picture(camera="top"), picture(camera="top")
+
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    for place, method in (
+        (gl_objects.Lines, "draw"),
+        (gl_objects.Mesh, "draw"),
+        (gl_objects.Target, "resolve"),
+        (gl_renderer.Renderer, "_draw_flag"),
+    ):
+        with monkeypatch.context() as patched:
+            patched.setattr(place, method, interrupted)
+            with pytest.raises(KeyboardInterrupt):
+                picture(camera="follow")
+            with contextlib.suppress(KeyboardInterrupt):  # The flag is not in the part that is drawn again.
+                picture(camera="top")
+        course = dataclasses.replace(DOGLEG)
+        again = draw(course, view("follow", course, moment().ball, 4 / 3), moment(), SIZE, "high")
+        for now, before in zip((again, picture(camera="top"), picture(camera="top")), expected, strict=True):
+            np.testing.assert_array_equal(now, before)
+
+
+def test_first_pictures_from_several_threads() -> None:
+    """In a fresh process four threads that draw at once get the same right picture."""
+    code = """
+import threading
+gate, drawn = threading.Barrier(4), []
+def act(): gate.wait(); drawn.append(fingerprint(picture(profile="fast")))
+threads = [threading.Thread(target=act) for _ in range(4)]
+for t in threads: t.start()
+for t in threads: t.join()
+print(len(drawn), *set(drawn))
+"""
+    assert digest(f"exec({code!r})") == f"4 {fingerprint(picture(profile='fast'))}"
+
+
+def test_a_display_that_fails_is_passed_over(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where one EGL display raises, the next is tried; where all do, each is named."""
+    found = gl_context._platform_display
+
+    def failing(platform: int, native: object) -> object:
+        if platform == gl_context.PLATFORM_DEVICE:
+            raise OSError("bad device")
+        return found(platform, native)
+
+    monkeypatch.setattr(gl_context, "_platform_display", failing)
+    with gl_context.HeadlessContext().current():
+        pass
+
+    def refuse(self: gl_context.HeadlessContext, display: object) -> None:
+        raise OSError("bad\nconfiguration")
+
+    monkeypatch.setattr(gl_context.HeadlessContext, "_context_on", refuse)
+    with pytest.raises(RenderingError, match=r"device 0: OSError: bad device.*surfaceless: OSError: bad configuration"):
+        gl_context.HeadlessContext()
 
 
 def test_the_largest_size_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -254,5 +345,5 @@ def test_other_users_of_opengl_are_not_disturbed() -> None:
 
 
 if __name__ == "__main__":
-    for name in ("follow", "top", "tee", "orbit"):
-        Image.fromarray(picture(camera=name)).save(GOLDEN / f"dogleg_{name}.png")
+    for name in ("follow", "top", "tee", "orbit", *CLOSE):
+        Image.fromarray(golden(name)).save(GOLDEN / f"dogleg_{name}.png")

@@ -8,6 +8,11 @@ import sys
 import textwrap
 from pathlib import Path
 
+import numpy as np
+
+from minigolf_env.rendering import Camera
+from minigolf_env.rendering.window import _widened
+
 ROOT = Path(__file__).parents[2]
 
 START = """
@@ -24,7 +29,10 @@ def grab():
     x, y = window().window.get_location()
     return np.asarray(ImageGrab.grab(xdisplay=display).convert("RGB"))[y:y + 240, x:x + 320]
 def wait_for(picture):
-    while not (grab() == picture).all(): time.sleep(0.05)
+    end = time.monotonic() + 60.0
+    while not (grab() == picture).all():
+        assert time.monotonic() < end, "the window never showed this picture"
+        time.sleep(0.05)
 """
 
 
@@ -95,19 +103,66 @@ def test_a_resized_window_is_filled(display: str) -> None:
     """The picture takes the window's new size."""
     code = """
         human.reset(seed=1)
-        window().window.set_size(200, 300)
-        wide = gym.make("MiniGolf-v0", render_mode="rgb_array", render_size=(200, 300), render_profile="fast")
+        window().window.set_size(480, 240)
+        wide = gym.make("MiniGolf-v0", render_mode="rgb_array", render_size=(480, 240), render_profile="fast")
         wide.reset(seed=1)
         expected = wide.render()
-        while True:
+        end = time.monotonic() + 60.0
+        while time.monotonic() < end:
             window().show(*window()._shown)
             x, y = window().window.get_location()
-            seen = np.asarray(ImageGrab.grab(xdisplay=display).convert("RGB"))[y:y + 300, x:x + 200]
+            seen = np.asarray(ImageGrab.grab(xdisplay=display).convert("RGB"))[y:y + 240, x:x + 480]
             if np.abs(seen.astype(int) - expected).mean() < 8.0: break
             time.sleep(0.05)
+        else: raise AssertionError("the window was never filled")
         print("filled")
     """
     assert run(display, code) == "filled"
+
+
+def test_a_narrow_window_shows_as_much() -> None:
+    """What was in the picture from side to side is in it when the window has become narrower."""
+    camera = Camera((0.0, -2.0, 1.0), (0.0, 0.0, 0.0), fov=40.0)
+    narrow = _widened(camera, 2.5)
+    edge = np.append(camera.ray(1.0, 0.0, 1.0)[0] + camera.ray(1.0, 0.0, 1.0)[1], 1.0)
+    x, _, _, w = narrow.clip_from_world(0.4) @ edge
+    np.testing.assert_allclose(x / w, 1.0)
+    assert _widened(camera, 1.0) == camera
+
+
+def test_a_fork_leaves_the_window_alone(display: str) -> None:
+    """The child gets an error where it would show something, closes nothing, and the parent plays on."""
+    code = """
+        import os
+        from minigolf_env.rendering import RenderingError
+        human.reset(seed=1)
+        child = os.fork()
+        if child == 0:
+            try: human.step(putt)
+            except RenderingError as error: human.close(); os._exit(7 if "fork" in str(error) else 1)
+            os._exit(2)
+        assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 7
+        human.step(putt)
+        assert window().is_open
+        human.close()
+        print("alone")
+    """
+    assert run(display, code) == "alone"
+
+
+def test_a_window_that_nobody_holds_is_closed(display: str) -> None:
+    """Environments that are dropped without close leave no window open."""
+    code = """
+        import gc, pyglet
+        for _ in range(3):
+            env = gym.make("MiniGolf-v0", render_mode="human", **size)
+            env.reset(seed=1)
+            del env
+            gc.collect()
+        assert not [w for w in pyglet.app.windows if w.context is not None], list(pyglet.app.windows)
+        print("closed")
+    """
+    assert run(display, code) == "closed"
 
 
 def test_two_windows_at_once(display: str) -> None:

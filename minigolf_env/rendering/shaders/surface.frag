@@ -12,13 +12,13 @@ uniform mat4 model;
 
 // The share of light that reaches a depth, from the mean and mean square of the depths that stop it around there
 // (W. Donnelly and A. Lauritzen, "Variance Shadow Maps", 2006); `least` is the variance of a flat surface, `fade` how
-// fast a shadow gets weaker with the distance from what throws it, a metre.
-float visible(sampler2D map, mat4 from_world, vec3 p, float furthest, float least, float fade) {
+// fast a shadow gets weaker with the distance from what throws it, a metre; a share below `dark` is none.
+float visible(sampler2D map, mat4 from_world, vec3 p, float furthest, float least, float fade, float dark) {
     vec3 at = (from_world * vec4(p, 1.0)).xyz;
     vec2 moments = texture(map, at.xy).rg;
     float behind = max(min(at.z, furthest) - moments.x, 0.0);
     float variance = max(moments.y - moments.x * moments.x, least);
-    float stopped = 1.0 - smoothstep(0.15, 1.0, variance / (variance + behind * behind));
+    float stopped = 1.0 - smoothstep(dark, 1.0, variance / (variance + behind * behind));
     return 1.0 - stopped * exp(-fade * behind);
 }
 
@@ -37,7 +37,7 @@ float past_flag(vec3 p) {
     vec2 across = vec2(-cloth.y, cloth.x);
     float t = dot(flag.xy - p.xy, across) / dot(sun.xy, across);
     vec3 q = p + t * sun.xyz - flag.xyz;
-    float blur = 0.004 + 0.02 * t;
+    float blur = 0.004 + 0.02 * max(t, 0.0);
     float s = dot(q.xy, cloth.xy);
     float pole = 1.0 - smoothstep(-blur, blur, abs(s) - 0.006);
     pole *= 0.006 / max(0.006, blur);
@@ -52,6 +52,10 @@ float past_flag(vec3 p) {
 float speckle(vec2 uv) { return texture(detail, uv).r; }
 
 void main() {
+#if MATERIAL == GHOST
+    color = vec4(1.0, 1.0, 1.0, 0.3);  // The ball, seen through what is in front of it.
+    return;
+#endif
     vec3 n = normalize(facing);
     vec3 albedo = vec3(0.8);
     float gloss = 0.0;
@@ -63,7 +67,7 @@ void main() {
     float fibre_noise = speckle(place.xy * 1.9);
     albedo = mix(vec3(0.062, 0.235, 0.050), vec3(0.090, 0.300, 0.066), stripe);
     albedo *= 0.55 + 0.9 * fibre_noise;
-    if (n.z < 0.05) albedo = vec3(0.16, 0.13, 0.10) * (0.6 + 0.8 * fibre_noise);
+    if (n.z < 0.05) albedo = vec3(0.16, 0.13, 0.10) * (0.6 + 0.8 * speckle(vec2(place.x + place.y, place.z) * 1.9));
 #elif MATERIAL == LAWN
     float noise = speckle(place.xy * 0.43);
     float weave = sin((place.x + place.y) * (PI / 0.9)) * sin((place.x - place.y) * (PI / 0.9));
@@ -106,7 +110,7 @@ void main() {
     float direct = toward;
     float open = 1.0;
 #if MATERIAL != CLOTH && MATERIAL != POLE
-    direct *= visible(sun_map, sun_from_world, place + n * 0.004, ground.z, 1e-5, 0.0);
+    direct *= visible(sun_map, sun_from_world, place + n * 0.004, ground.z, 1e-5, 0.0, 0.15);
 #if MATERIAL != BALL && MATERIAL != LAWN
     direct *= past_ball(place);
     vec3 way = ball.xyz - place;
@@ -121,7 +125,7 @@ void main() {
     if (flag.w > 0.0) direct *= past_flag(place);
 #endif
 #ifndef FAST
-    open *= mix(0.35, 1.0, visible(sky_map, sky_from_world, place + n * 0.01, ground.w, 2e-4, 2.5));
+    open *= mix(0.1, 1.0, visible(sky_map, sky_from_world, place + n * 0.01, ground.w, 2e-4, 2.5, 0.4));
 #endif
 #endif
     vec3 ambient = mix(BOUNCED, SKYLIGHT, 0.5 + 0.5 * n.z) * open;

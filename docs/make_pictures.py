@@ -1,0 +1,32 @@
+"""Draws the pictures of the documentation: ``python -m docs.make_pictures``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+from minigolf_env.envs import MiniGolfEnv
+from minigolf_env.planning import search
+from minigolf_env.rendering.offscreen import draw
+from minigolf_env.rendering.playback import Replay
+
+PICTURES = Path(__file__).parent / "pictures"
+SIZE = (960, 540)
+
+
+def hole_in_one(moment: float) -> Image.Image:
+    """Return the dogleg at a moment (s) of search's hole-in-one from a tee, with the whole way of the ball."""
+    env = MiniGolfEnv("dogleg")
+    env.reset(seed=1)
+    start = np.array(env.get_state()["position"])
+    path, times = env.task.trace(start, env.task.launch(search(env).action.astype(np.float64)))
+    film = Replay(env.task.course, path, times, "follow", SIZE[0] / SIZE[1])
+    camera, frame = film.at(moment)
+    return Image.fromarray(draw(env.task.course, camera, frame._replace(lines=(film.way(400),)), SIZE))
+
+
+if __name__ == "__main__":
+    PICTURES.mkdir(exist_ok=True)
+    hole_in_one(1.75).save(PICTURES / "dogleg.jpg", quality=90)
