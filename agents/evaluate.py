@@ -6,10 +6,8 @@
 from __future__ import annotations
 
 import json
-import math
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, cast
 
 import gymnasium as gym
 import numpy as np
@@ -18,11 +16,8 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from minigolf_env.envs import MiniGolfEnv
 from minigolf_env.policies import Policy, load_policy
-
-Z = 1.96
-"""Two-sided 95 % quantile of the normal distribution."""
+from minigolf_env.scoring import mean_interval, play_episode, share_with_interval, wilson, with_interval
 
 
 @dataclass(frozen=True)
@@ -60,17 +55,6 @@ class Score:
     hole_in_one_interval: tuple[float, float]
 
 
-def play_episode(env: gym.Env[Any, Any], policy: Policy, seed: int) -> tuple[int, bool]:
-    """Return (strokes, holed) of one episode."""
-    observation, info = env.reset(seed=seed)
-    over = False
-    while not over:
-        action = policy.act(observation, cast(MiniGolfEnv, env.unwrapped))
-        observation, _, terminated, truncated, info = env.step(action)
-        over = terminated or truncated
-    return info["strokes"], info["is_success"]
-
-
 def evaluate(policy: Policy, name: str, args: Args, quiet: bool = False) -> Score:
     """Play the episodes of fixed seeds and return the score."""
     env = gym.make(
@@ -85,27 +69,18 @@ def evaluate(policy: Policy, name: str, args: Args, quiet: bool = False) -> Scor
     strokes = np.array([s for s, _ in played], dtype=np.float64)
     holed = np.array([h for _, h in played])
     aces = holed & (strokes == 1)
-    margin = Z * strokes.std(ddof=1) / math.sqrt(len(strokes)) if len(strokes) > 1 else math.inf
     return Score(
         policy=name,
         course=args.course,
         first_seed=args.first_seed,
         episodes=args.episodes,
         strokes=float(strokes.mean()),
-        strokes_interval=(float(strokes.mean() - margin), float(strokes.mean() + margin)),
+        strokes_interval=mean_interval(strokes),
         holed=float(holed.mean()),
         holed_interval=wilson(int(holed.sum()), len(holed)),
         hole_in_one=float(aces.mean()),
         hole_in_one_interval=wilson(int(aces.sum()), len(aces)),
     )
-
-
-def wilson(successes: int, n: int) -> tuple[float, float]:
-    """Return the 95 % interval of a share (E. B. Wilson, 1927), which is sound near 0 and 1 too."""
-    share = successes / n
-    centre = share + Z * Z / (2 * n)
-    spread = Z * math.sqrt(share * (1 - share) / n + Z * Z / (4 * n * n))
-    return max(0.0, (centre - spread) / (1 + Z * Z / n)), min(1.0, (centre + spread) / (1 + Z * Z / n))
 
 
 def print_scores(scores: list[Score]) -> None:
@@ -114,19 +89,14 @@ def print_scores(scores: list[Score]) -> None:
     for column in ("player", "episodes", "mean strokes", "holed out", "hole-in-one"):
         table.add_column(column, justify="left" if column == "player" else "right")
     for score in scores:
-        low, high = score.strokes_interval
         table.add_row(
             score.policy,
             str(score.episodes),
-            f"{score.strokes:.2f} [{low:.2f}, {high:.2f}]",
-            _share(score.holed, score.holed_interval),
-            _share(score.hole_in_one, score.hole_in_one_interval),
+            with_interval(score.strokes, score.strokes_interval),
+            share_with_interval(score.holed, score.holed_interval),
+            share_with_interval(score.hole_in_one, score.hole_in_one_interval),
         )
     Console().print(table)
-
-
-def _share(share: float, interval: tuple[float, float]) -> str:
-    return f"{share:.1%} [{100 * interval[0]:.0f}, {100 * interval[1]:.0f}]"
 
 
 def main(args: Args) -> Score:

@@ -1,4 +1,4 @@
-"""The ``minigolf`` command: play a hole, or film a policy that does.
+"""The ``minigolf`` command: play a hole, film a policy that does, or score it.
 
 Commands are imported when they run, so that ``--help`` is quick.
 """
@@ -138,12 +138,41 @@ def map_(
     print(f"wrote {output}: {putts.outcome.result.size:,} putts, {putts.outcome.holed.sum():,} holes in one")
 
 
+@app.command
+def benchmark(
+    policy: str = "search",
+    difficulty: tuple[str, ...] = ("easy", "medium", "hard"),
+    levels: int = 200,
+    observation: str = "rays",
+    max_strokes: int = 10,
+    seed: int = 0,
+    json: Path | None = None,
+) -> None:
+    """Score a policy on fixed training levels and on levels held out, beside search.
+
+    Args:
+        policy: "search", "random" or a model's .zip file.
+        difficulty: of the levels, one or more.
+        levels: in each set.
+        observation: what the policy was trained with: "state", "rays" or "pixels".
+        max_strokes: of an episode.
+        seed: of the random policy.
+        json: also write the scores to this file, with those of every level.
+    """
+    from minigolf_env import scoring
+
+    scores = list(scoring.benchmark(policy, difficulty, levels, observation, max_strokes, seed))
+    scoring.print_benchmark(policy, scores)
+    if json is not None:
+        scoring.write_scores(json, policy, scores, observation=observation, max_strokes=max_strokes, seed=seed)
+
+
 def main(args: Sequence[str] | None = None) -> None:
     """Run the command line, or the given arguments; a user's mistake is one line on stderr."""
     from minigolf_env.rendering import RenderingError
 
     try:
-        app.cli(args=args, prog="minigolf", description="Play a hole of minigolf, or film a policy that does.")
+        app.cli(args=args, prog="minigolf", description="Play minigolf, film a policy that does, or score it.")
     except RenderingError as error:
         sys.exit(_say(error, NO_DISPLAY))
     except (ValueError, OSError, ImportError) as error:

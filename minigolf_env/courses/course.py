@@ -115,7 +115,7 @@ class Part:
                 shares = finite_array(self.color, (3,), "color", "give red, green, blue in [0, 1].")
                 if not ((shares >= 0.0) & (shares <= 1.0)).all():
                     raise CourseError(f"color: expected shares in [0, 1], received {self.color}; divide by 255.")
-            if not self.mesh.is_closed or self.mesh.two_sided:
+            if self.mesh.two_sided:  # A one-sided TriangleMesh is closed.
                 raise CourseError(
                     f"mesh: expected a closed, one-sided TriangleMesh, received {self.mesh!r}; "
                     "close its holes and wind its faces alike, so that a ball has no way in."
@@ -176,8 +176,7 @@ class Course:
             bounds=self.bounds,
         )
         with faults_of(f"course {self.name!r}"):
-            for position in self._places():
-                world.require_free(position)
+            world.require_free(sorted(set(self._places())))
         return world
 
     def _places(self) -> Iterator[Point3]:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from minigolf_env.courses.course import Course, CourseError
 from minigolf_env.courses.limits import Limits
+from minigolf_env.courses.procedural import is_level_name, load_level
 from minigolf_env.physics.checks import one_of, positive_number
 
 DATA = Path(__file__).parent / "data"
@@ -45,7 +46,8 @@ def load_course(name: str | Path | Course, cup_radius: float | None = None, limi
     Courses are immutable: the same request gives the same one, as long as the file stays as it is.
 
     Args:
-        name: one of ``list_courses()``; "room", which has no cup; the path of a .toml or .glb file; or a Course.
+        name: one of ``list_courses()``; "room", which has no cup; a level such as "procedural-v1-easy-17"; the path of
+            a .toml or .glb file; or a Course.
         cup_radius: m; the hole is cut anew into the floor. None: the course's.
         limits: on the size of a file and what it describes; None: the default.
 
@@ -55,6 +57,8 @@ def load_course(name: str | Path | Course, cup_radius: float | None = None, limi
     """
     if isinstance(name, Course):
         return _as_it_is(name, cup_radius)
+    if is_level_name(name):
+        return load_level(str(name), cup_radius)
     try:
         radius = None if cup_radius is None else positive_number(cup_radius, "cup_radius", "the rules have 0.054 m.")
         path = _path(name)

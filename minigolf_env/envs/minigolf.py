@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from minigolf_env.courses import Course
 from minigolf_env.envs.options import check_actions, check_lie, make_setup
 from minigolf_env.envs.task import FloatArray, Outcome, Result, action_space
-from minigolf_env.rendering import FPS, RENDER_MODES, Screen
+from minigolf_env.rendering import FPS, RENDER_MODES, Screen, Stage
 
 Observation = NDArray[Any]
 Action = NDArray[np.float32]
@@ -53,6 +53,9 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
     The ball lies in the tee box: at a uniformly random place, or in its middle (``tee="fixed"``).
     ``reset(options={"position": (x, y, z)})`` starts with the ball's centre there.
 
+    With ``course="procedural"`` every episode is played on a level drawn from a set: ``num_levels`` of them from
+    ``start_level`` on. Levels outside the set are for tests. ``reset(options={"level": 17})`` plays any level.
+
     ## End
     ``terminated`` when the ball is in the cup, and after ``max_strokes`` (a rule of the game: the strokes left are
     observed). ``truncated`` is always False. The cup is a hole in the floor's mesh; the ball is holed when it rests in
@@ -62,10 +65,13 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
     ## Info
     ``strokes`` (int) of the episode, ``is_success`` (bool) whether the ball is holed, ``status`` (str) of the last
     stroke: "tee", "rest", "holed", "out_of_bounds" or "time_limit", ``shot_time`` (float, s) and ``bounces`` (int) of
-    the last stroke, ``course`` (str).
+    the last stroke, ``course`` (str), and on levels ``level`` (int).
 
     ## Arguments
-    course: a name of ``minigolf_env.courses.list_courses()``, a course file, or a Course with a cup.
+    course: a name of ``minigolf_env.courses.list_courses()``; a course file; "procedural"; or a Course with a cup.
+    difficulty: of the levels, "easy" (default), "medium" or "hard"; these three go with "procedural" only.
+    start_level: the first level of the set, 0 by default.
+    num_levels: levels in the set, 500 by default; 0: all there are, 2**31.
     render_mode: None; "rgb_array": ``render()`` returns a picture (height, width, 3), uint8, of where the ball lies and
         how it came there; "rgb_array_list": ``render()`` returns the pictures of all putts since the last call or the
         reset, 30 a second; "human": ``step()`` shows the putt in a window, in real time.
@@ -101,9 +107,10 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
         render_mode: str | None = None,
         **options: Any,
     ) -> None:
-        self.task, self._observer, settings = make_setup(course, RENDER_MODES, render_mode, **options)
+        self._tasks, self._observer, settings = make_setup(course, RENDER_MODES, render_mode, **options)
+        self.task = self._tasks.first()
         self.render_mode = render_mode
-        self.screen = Screen(self.task.course, settings, self.task.trace)
+        self.screen = Screen(self._stage(), settings)
         self.action_space = action_space()
         self.observation_space = self._observer.space()
         self._position: FloatArray | None = None
@@ -113,18 +120,25 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Put the ball on the tee, or at ``options["position"]`` (3,), m; return (observation, info)."""
+        """Put the ball on the tee, or at ``options["position"]`` (3,), m; return (observation, info).
+
+        ``options["level"]`` is the number of the level to play, of the training set or not.
+        """
         given = dict(options or {})
-        position = given.pop("position", None)
+        level, position = given.pop("level", None), given.pop("position", None)
         if given:
-            raise ValueError(f"options: expected only 'position', received {sorted(given)} as well.")
+            raise ValueError(f"options: expected only 'level' and 'position', received {sorted(given)} as well.")
+        if position is not None and level is None and self._tasks.has_levels:
+            raise ValueError("position: expected with a 'level', received none; it is a place on one level.")
+        task = None if level is None else self._tasks.level(level)
         if position is not None:
-            position = check_lie(self.task, position)
+            position = check_lie(task or self.task, position)
         super().reset(seed=seed)
+        self.task = task or self._tasks.draw(self.np_random)
         if position is None:
             position = self.task.tee_off(self.np_random)
         self._position, self._strokes, self._over = position, 0, False
-        self.screen.put(position)
+        self.screen.put(position, self._stage())
         return self._observe(), self._info("tee", 0.0, 0, holed=False)
 
     def step(self, action: ArrayLike) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
@@ -165,6 +179,7 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
             "position": tuple(self._ball().tolist()),
             "strokes": self._strokes,
             "over": self._over,
+            **self._level(),
             "np_random": self.np_random.bit_generator.state,
         }
 
@@ -174,11 +189,12 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
         Raises:
             ValueError: the ball would not lie in free space within the bounds, or a value is not what it should be.
         """
-        unknown = set(state) - {"position", "strokes", "over", "np_random"}
+        unknown = set(state) - {"position", "strokes", "over", "np_random", "level"}
         if unknown or "position" not in state:
             raise ValueError(f"state: expected 'position' and what get_state() returns, received {sorted(state)}.")
         over = bool(state.get("over", False))
-        position = np.array(state["position"], dtype=np.float64) if over else check_lie(self.task, state["position"])
+        task = self._tasks.level(state["level"]) if "level" in state else self.task
+        position = np.array(state["position"], dtype=np.float64) if over else check_lie(task, state["position"])
         strokes = state.get("strokes", 0)
         if not (isinstance(strokes, (int, np.integer)) and 0 <= strokes <= self.task.max_strokes):
             raise ValueError(f"strokes: expected an integer from 0 to {self.task.max_strokes}, received {strokes!r}.")
@@ -187,8 +203,9 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
                 self.np_random.bit_generator.state = state["np_random"]
             except (KeyError, TypeError, ValueError) as error:
                 raise ValueError(f"np_random: expected a state of numpy's PCG64 generator; {error}") from error
+        self.task = task
         self._position, self._strokes, self._over = position, int(strokes), over
-        self.screen.put(position)
+        self.screen.put(position, self._stage())
 
     def _ball(self) -> NDArray[np.float64]:
         if self._position is None:
@@ -207,4 +224,12 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
             "shot_time": time,
             "bounces": bounces,
             "course": self.task.course.name,
+            **self._level(),
         }
+
+    def _level(self) -> dict[str, int]:
+        """Return the level's number by its key; nothing on a course without levels."""
+        return {} if self.task.level is None else {"level": self.task.level}
+
+    def _stage(self) -> Stage:
+        return Stage(self.task.course, self.task.trace)

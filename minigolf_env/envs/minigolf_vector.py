@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from minigolf_env.courses import Course
 from minigolf_env.envs.options import check_actions, make_setup
-from minigolf_env.envs.task import FloatArray, Result, action_space
-from minigolf_env.rendering import FPS, Screen
+from minigolf_env.envs.task import FloatArray, Game, Result, Task, action_space, of_rows, together
+from minigolf_env.rendering import FPS, Screen, Stage
 
 Observations = NDArray[Any]
 Actions = NDArray[np.float32]
@@ -25,7 +25,8 @@ class MiniGolfVectorEnv(gym.vector.VectorEnv[Observations, Actions, NDArray[Any]
     """N environments of MiniGolf-v0 as one, through ``gym.make_vec("MiniGolf-v0", num_envs=N)``.
 
     Spaces, rewards and infos are MiniGolfEnv's with a leading axis (N,). Environment i gives the same bits as a single
-    environment seeded with seed + i, whatever N and the number of threads. Every array returned is new.
+    environment seeded with seed + i, whatever N and the number of threads. Every array returned is new. With
+    course="procedural" each environment plays a level of its own, all by the same compiled kernels.
 
     Args:
         num_envs: N >= 1.
@@ -57,17 +58,22 @@ class MiniGolfVectorEnv(gym.vector.VectorEnv[Observations, Actions, NDArray[Any]
     ) -> None:
         if type(num_envs) is not int or num_envs < 1:
             raise ValueError(f"num_envs: expected an integer >= 1, received {num_envs!r}.")
-        self.task, self._observer, settings = make_setup(course, self.metadata["render_modes"], render_mode, **options)
+        self._tasks, self._observer, settings = make_setup(
+            course, self.metadata["render_modes"], render_mode, **options
+        )
         self.render_mode = render_mode
         self.num_envs = num_envs
         self.autoreset_mode = _autoreset(autoreset_mode)
         self.metadata = {**self.metadata, "autoreset_mode": self.autoreset_mode}
         shown = num_envs if render_mode is not None else 0
-        self.screens = tuple(Screen(self.task.course, settings, self.task.trace) for _ in range(shown))
+        first = self._tasks.first()
+        self.screens = tuple(Screen(Stage(first.course, first.trace), settings) for _ in range(shown))
         self.single_action_space, self.single_observation_space = action_space(), self._observer.space()
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self._rngs: list[np.random.Generator] = []
+        self._holes = [first] * num_envs
+        self.game: Game = first
         self._positions = np.empty((num_envs, 3))
         self._strokes = np.zeros(num_envs, np.int64)
         self._over = np.zeros(num_envs, np.bool_)
@@ -75,15 +81,19 @@ class MiniGolfVectorEnv(gym.vector.VectorEnv[Observations, Actions, NDArray[Any]
     def reset(
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observations, dict[str, Any]]:
-        """Start new episodes in all environments, or in those of ``options["reset_mask"]`` (N,), bool."""
+        """Start new episodes in all environments, or in those of ``options["reset_mask"]`` (N,), bool.
+
+        ``options["level"]`` is the number of the level that all play, or N numbers.
+        """
         given = dict(options or {})
         mask = _mask(given.pop("reset_mask", None), self.num_envs)
+        holes = self._chosen(given.pop("level", None), mask)
         if given:
-            raise ValueError(f"options: expected only 'reset_mask', received {sorted(given)} as well.")
+            raise ValueError(f"options: expected only 'level' and 'reset_mask', received {sorted(given)} as well.")
         if not self._rngs and not mask.all():
             raise ResetNeeded("Reset all environments before some of them.")
         self._seed(seed, mask)
-        self._tee_off(mask)
+        self._tee_off(mask, holes)
         status = np.full(self.num_envs, "tee", dtype=object)
         return self._observe(), self._info(status, np.zeros(self.num_envs), np.zeros(self.num_envs, np.int64))
 
@@ -99,24 +109,24 @@ class MiniGolfVectorEnv(gym.vector.VectorEnv[Observations, Actions, NDArray[Any]
             )
         rows = np.flatnonzero(playing)
         before = self._positions[rows]
-        draws = self.task.disturb([self._rngs[i] for i in rows])
-        velocities = self.task.launch(putts[rows], draws)
-        outcome = self.task.play(before, velocities)
+        game = self.game if playing.all() else of_rows(self.game, rows)
+        velocities = game.launch(putts[rows], game.disturb([self._rngs[i] for i in rows]))
+        outcome = game.play(before, velocities)
         self._positions[rows] = outcome.position
         if self.screens:
             for k, i in enumerate(rows):
                 self.screens[i].putt(before[k], velocities[k], outcome.position[k])
         self._strokes[rows] += 1
-        over = outcome.holed | (self._strokes[rows] >= self.task.max_strokes)
+        over = outcome.holed | (self._strokes[rows] >= game.max_strokes)
         rewards, terminated = np.zeros(self.num_envs), np.zeros(self.num_envs, np.bool_)
-        rewards[rows] = self.task.rewards(before, outcome.position, over)
+        rewards[rows] = game.rewards(before, outcome.position, over)
         terminated[rows] = over
 
         time, bounces = np.zeros(self.num_envs), np.zeros(self.num_envs, np.int64)
         status = np.full(self.num_envs, "tee", dtype=object)
         status[rows] = STATUS[outcome.result]
         time[rows], bounces[rows] = outcome.time, outcome.bounces
-        self._tee_off(~playing)
+        self._tee_off(~playing, {})
         self._over[rows] = over
         info = self._info(status, time, bounces)
         if self.autoreset_mode == AutoresetMode.SAME_STEP and over.any():
@@ -140,7 +150,7 @@ class MiniGolfVectorEnv(gym.vector.VectorEnv[Observations, Actions, NDArray[Any]
         observations = self._observe()
         for i in np.flatnonzero(ended):
             final_obs[i] = observations[i]
-        self._tee_off(ended, keep_last=True)
+        self._tee_off(ended, {}, keep_last=True)
         status, time, bounces = final["status"].copy(), final["shot_time"].copy(), final["bounces"].copy()
         status[ended], time[ended], bounces[ended] = "tee", 0.0, 0
         info = self._info(status, time, bounces)
@@ -163,15 +173,28 @@ class MiniGolfVectorEnv(gym.vector.VectorEnv[Observations, Actions, NDArray[Any]
             if fresh or seeds[i] is not None:
                 self._rngs[i], _ = gym.utils.seeding.np_random(seeds[i])
 
-    def _tee_off(self, mask: Flags, keep_last: bool = False) -> None:
-        for i in np.flatnonzero(mask):
-            self._positions[i] = self.task.tee_off(self._rngs[i])
+    def _chosen(self, level: Any, mask: Flags) -> dict[int, Task]:
+        """Return the holes of chosen levels, by environment; none where no level is."""
+        if level is None:
+            return {}
+        levels = [level] * self.num_envs if np.ndim(level) == 0 else list(level)
+        if len(levels) != self.num_envs:
+            raise ValueError(f"level: expected one number or {self.num_envs}, received {len(levels)}.")
+        return {int(i): self._tasks.level(levels[i]) for i in np.flatnonzero(mask)}
+
+    def _tee_off(self, mask: Flags, holes: dict[int, Task], keep_last: bool = False) -> None:
+        """Begin episodes, each on its hole of ``holes``, or on one that is drawn."""
+        for i in np.flatnonzero(mask).tolist():
+            hole = self._holes[i] = holes[i] if i in holes else self._tasks.draw(self._rngs[i])
+            self._positions[i] = hole.tee_off(self._rngs[i])
             if self.screens:
-                self.screens[i].put(self._positions[i].copy(), keep_last)
+                self.screens[i].put(self._positions[i].copy(), Stage(hole.course, hole.trace), keep_last)
+        if self._tasks.has_levels and mask.any():
+            self.game = together(self._holes)
         self._strokes[mask], self._over[mask] = 0, False
 
     def _observe(self) -> Observations:
-        return self._observer.observe(self.task, self._positions, self._strokes)
+        return self._observer.observe(self.game, self._positions, self._strokes)
 
     def _info(self, status: NDArray[np.object_], time: FloatArray, bounces: NDArray[np.int64]) -> dict[str, Any]:
         """Return the infos as arrays (N,), each with its mask, as Gymnasium's vector environments have it."""
@@ -181,8 +204,10 @@ class MiniGolfVectorEnv(gym.vector.VectorEnv[Observations, Actions, NDArray[Any]
             "status": status,
             "shot_time": time,
             "bounces": bounces,
-            "course": np.full(self.num_envs, self.task.course.name, dtype=object),
+            "course": np.array([hole.course.name for hole in self._holes], dtype=object),
         }
+        if self._tasks.has_levels:
+            info["level"] = np.array([hole.level for hole in self._holes], dtype=np.int64)
         return info | {f"_{key}": np.ones(self.num_envs, np.bool_) for key in info}
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from minigolf_env.envs.pixels import observe_pixels, pixel_space
 from minigolf_env.envs.rays import observe_rays, ray_space
-from minigolf_env.envs.task import FloatArray, Task, observation_space
+from minigolf_env.envs.task import FloatArray, Game, observation_space
 
 
 class Observer(NamedTuple):
@@ -19,12 +19,12 @@ class Observer(NamedTuple):
 
     space: Callable[[], Space[Any]]
     """Makes the space of one environment's observations."""
-    observe: Callable[[Task, FloatArray, NDArray[np.int64]], NDArray[Any]]
+    observe: Callable[[Game, FloatArray, NDArray[np.int64]], NDArray[Any]]
     """From balls at positions (N, 3), m, after a number of strokes (N,) to N observations, in a new array."""
 
 
 OBSERVERS = {
-    "state": Observer(observation_space, Task.observe),
+    "state": Observer(observation_space, Game.observe),
     "rays": Observer(ray_space, observe_rays),
     "pixels": Observer(pixel_space, observe_pixels),
 }

@@ -11,6 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from minigolf_env.courses import Course, load_course
+from minigolf_env.courses.procedural import DIFFICULTIES, LEVELS_KEPT, PROCEDURAL, level_name
+from minigolf_env.envs.holes import Holes
+from minigolf_env.envs.levels import Levels, OneHole, Tasks
 from minigolf_env.envs.observations import OBSERVERS, Observer
 from minigolf_env.envs.task import REWARDS, FloatArray, Task
 from minigolf_env.physics import World
@@ -26,7 +29,7 @@ PUTT = "a putt is a vector x, y; its length, up to 1, is the share of the top sp
 class Setup(NamedTuple):
     """What an environment's arguments describe."""
 
-    task: Task
+    tasks: Tasks
     observer: Observer
     settings: Settings
     """How it shows itself."""
@@ -60,7 +63,37 @@ def make_setup(
         speed=positive_number(render_speed, "render_speed", "1 is real time."),
     )
     observer = OBSERVERS[one_of(observation, tuple(OBSERVERS), "observation")]
-    return Setup(make_task(course, **rules), observer, settings)
+    return Setup(make_tasks(course, **rules), observer, settings)
+
+
+def make_tasks(
+    course: str | Course = "dogleg",
+    *,
+    difficulty: str | None = None,
+    start_level: int | None = None,
+    num_levels: int | None = None,
+    **rules: Any,
+) -> Tasks:
+    """Return what an environment's arguments draw holes from.
+
+    Raises:
+        TypeError: there is no such argument.
+        ValueError: an argument is not what it should be, or of levels while the course has none.
+    """
+    chosen = {"difficulty": difficulty, "start_level": start_level, "num_levels": num_levels}
+    given: dict[str, Any] = {name: value for name, value in chosen.items() if value is not None}
+    if course != PROCEDURAL:
+        if given:
+            raise ValueError(
+                f"{', '.join(given)}: expected with course={PROCEDURAL!r} only, received {given} with {course!r:.80}."
+            )
+        return OneHole(make_task(course, **rules))
+    known = one_of(given.get("difficulty", DIFFICULTIES[0]), DIFFICULTIES, "difficulty")
+    levels = Levels(
+        functools.partial(_make_level, known, rules), given.get("start_level", 0), given.get("num_levels", 500)
+    )
+    levels.first()  # What is wrong with the rules is said here, not at the first reset.
+    return levels
 
 
 def make_task(
@@ -74,6 +107,7 @@ def make_task(
     putt_noise: tuple[float, float] = (0.0, 0.0),
     dt: float = 1 / 120,
     impact: str = "average",
+    level: int | None = None,
 ) -> Task:
     """Return the course and the rules that an environment's arguments describe.
 
@@ -90,13 +124,14 @@ def make_task(
         raise ValueError(f"max_strokes: expected an integer >= 1, received {max_strokes!r}.")
     speed = golf.top_speed if top_speed is None else top_speed
     return Task(
-        course=golf,
+        courses=(golf,),
+        holes=Holes.of(golf, positive_number(speed, "top_speed", "give the launch speed of a full putt in m/s.")),
         world=_world(golf, positive_number(dt, "dt", "1/120 s suits minigolf."), impact),
         reward=one_of(reward, REWARDS, "reward"),
         max_strokes=max_strokes,
         random_tee=one_of(tee, TEES, "tee") == "random",
-        top_speed=positive_number(speed, "top_speed", "give the launch speed of a full putt in m/s."),
         putt_noise=_noise(putt_noise),
+        level=level,
     )
 
 
@@ -117,6 +152,10 @@ def check_lie(task: Task, position: ArrayLike) -> FloatArray:
     return ball
 
 
+def _make_level(difficulty: str, rules: dict[str, Any], level: int) -> Task:
+    return make_task(level_name(difficulty, level), level=level, **rules)
+
+
 def _size(size: tuple[int, int]) -> tuple[int, int]:
     try:
         width, height = (operator.index(side) for side in size)
@@ -134,7 +173,7 @@ def _noise(value: tuple[float, float]) -> tuple[float, float]:
     return degrees, share
 
 
-@functools.lru_cache(maxsize=8)
+@functools.lru_cache(maxsize=LEVELS_KEPT)
 def _world(course: Course, dt: float, impact: str) -> World:
     """Return the course's world; worlds are immutable, so environments share them."""
     world: World = course.world(dt=dt, impact=impact)

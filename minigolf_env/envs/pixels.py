@@ -9,7 +9,8 @@ from gymnasium import Space
 from gymnasium.spaces import Box
 from numpy.typing import NDArray
 
-from minigolf_env.envs.task import FloatArray, Task
+from minigolf_env.courses import Course
+from minigolf_env.envs.task import FloatArray, Game
 from minigolf_env.rendering import flag_at_rest, still
 
 SIDE = 84
@@ -29,20 +30,27 @@ def pixel_space() -> Space[NDArray[np.uint8]]:
     return cast(Space[NDArray[np.uint8]], Box(0, 255, (SIDE, SIDE, 3), np.uint8))
 
 
-def observe_pixels(task: Task, positions: FloatArray, strokes: NDArray[np.int64]) -> NDArray[np.uint8]:
+def observe_pixels(game: Game, positions: FloatArray, strokes: NDArray[np.int64]) -> NDArray[np.uint8]:
     """Return pictures (N, SIDE, SIDE, 3) of balls at positions (N, 3), m, after a number of strokes (N,).
 
     Raises:
         RenderingError: there is no OpenGL here.
     """
-    from minigolf_env.rendering.offscreen import draw_many
-
-    course = task.course
-    camera, frame = still(course, "top", 1.0, positions[0])
-    metre = camera.pixels_a_metre(camera.eye[2] - course.tee.height, SIDE)
-    frame = frame._replace(size=max(1.0, LEAST / (metre * course.ball_radius)))
-    frames = [frame._replace(ball=ball, flag=flag_at_rest(course)) for ball in positions]
-    left = 1.0 - strokes / task.max_strokes
-    pictures = np.stack(draw_many(course, camera, frames, (SIDE, SIDE), PROFILE))
+    if len(game.courses) == 1:
+        drawn = _from_above(game.courses[0], positions)
+    else:
+        drawn = [_from_above(course, ball[None])[0] for course, ball in zip(game.courses, positions, strict=True)]
+    pictures, left = np.stack(drawn), 1.0 - strokes / game.max_strokes
     pictures[:, -BAR:] = np.where(np.arange(SIDE) < SIDE * left[:, None], 255, 0)[:, None, :, None]
     return pictures
+
+
+def _from_above(course: Course, balls: FloatArray) -> list[NDArray[np.uint8]]:
+    """Return the pictures of balls (N, 3), m, on a course."""
+    from minigolf_env.rendering.offscreen import draw_many
+
+    camera, frame = still(course, "top", 1.0, balls[0])
+    metre = camera.pixels_a_metre(camera.eye[2] - course.tee.height, SIDE)
+    frame = frame._replace(size=max(1.0, LEAST / (metre * course.ball_radius)))
+    frames = [frame._replace(ball=ball, flag=flag_at_rest(course)) for ball in balls]
+    return draw_many(course, camera, frames, (SIDE, SIDE), PROFILE)

@@ -9,7 +9,7 @@ import numpy as np
 from gymnasium.spaces import Box, Space
 from numpy.typing import NDArray
 
-from minigolf_env.envs.task import OBSERVATION, FloatArray, Task
+from minigolf_env.envs.task import OBSERVATION, FloatArray, Game
 
 RAYS = 32
 """Horizontal directions, the first along x, counter-clockwise."""
@@ -37,14 +37,14 @@ def ray_space() -> Space[NDArray[np.float32]]:
     return cast(Space[NDArray[np.float32]], Box(-1.0, 1.0, (len(OBSERVATION) + RAYS + GROUND,), np.float32))
 
 
-def observe_rays(task: Task, positions: FloatArray, strokes: NDArray[np.int64]) -> NDArray[np.float32]:
+def observe_rays(game: Game, positions: FloatArray, strokes: NDArray[np.int64]) -> NDArray[np.float32]:
     """Return observations (N, 45) of balls at positions (N, 3), m, after a number of strokes (N,).
 
     A ray is the way that the ball itself has free in its direction, by the exact sweep. Where it has no room to be
     lifted (under a low roof) it is swept from where it lies.
     """
-    sweep, down = task.world.sweep_batch, np.array([0.0, 0.0, -DEPTH])
-    up = np.array([0.0, 0.0, LIFT * task.world.ball_radius])
+    sweep, down = game.world.sweep_batch, np.array([0.0, 0.0, -DEPTH])
+    up = LIFT * game.holes.ball_radius[..., None] * np.array([0.0, 0.0, 1.0])
     has_room = ~np.asarray(sweep(positions, positions + up).hit)
     starts = positions + has_room[:, None] * up
     rays = sweep(np.repeat(starts, RAYS, axis=0), (starts[:, None] + WAYS).reshape(-1, 3))
@@ -54,4 +54,4 @@ def observe_rays(task: Task, positions: FloatArray, strokes: NDArray[np.int64]) 
     slopes[~np.asarray(ground.hit)] = 0.0
     distances = np.asarray(rays.alpha).reshape(-1, RAYS)
     felt = np.concatenate([distances, np.asarray(ground.alpha)[:, None], np.clip(slopes, -1.0, 1.0)], axis=1)
-    return np.concatenate([task.observe(positions, strokes), felt.astype(np.float32)], axis=1)
+    return np.concatenate([game.observe(positions, strokes), felt.astype(np.float32)], axis=1)

@@ -3,5 +3,6 @@
 from minigolf_env.physics.mesh import TriangleMesh
 from minigolf_env.physics.types import Hit, Shot, Status, Surface
 from minigolf_env.physics.world import World, sweep_sphere
+from minigolf_env.physics.worlds import WorldBatch
 
-__all__ = ["Hit", "Shot", "Status", "Surface", "TriangleMesh", "World", "sweep_sphere"]
+__all__ = ["Hit", "Shot", "Status", "Surface", "TriangleMesh", "World", "WorldBatch", "sweep_sphere"]

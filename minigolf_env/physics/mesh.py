@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import functools
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -91,19 +94,32 @@ class TriangleMesh:
             )
         return bool(loose.any())
 
-    def winding_number(self, point: FloatArray) -> float:
-        """Return how often the mesh surrounds a point (3,): for a closed one 0 outside, 1 inside, -1 if wound inwards.
+    def winding_number(self, points: FloatArray) -> FloatArray:
+        """Return how often the mesh surrounds points (N, 3): closed, 0 outside, 1 inside, -1 if wound inwards; (N,).
 
         The sum of the solid angles of its triangles (A. Van Oosterom and J. Strackee, "The solid angle of a plane
         triangle", IEEE Transactions on Biomedical Engineering 30, 1983).
         """
-        a, b, c = np.moveaxis(self.triangles - point, 1, 0)
-        la, lb, lc = (np.linalg.norm(corner, axis=1) for corner in (a, b, c))
-        volume = np.sum(a * np.cross(b, c), axis=1)
-        spread = la * lb * lc + np.sum(a * b, axis=1) * lc + np.sum(b * c, axis=1) * la + np.sum(c * a, axis=1) * lb
-        return float(np.arctan2(volume, spread).sum() / (2.0 * np.pi))
+        turns = np.zeros(len(points))
+        lower, upper = self._box
+        # A closed mesh surrounds nothing beyond its box.
+        near = ((lower <= points) & (points <= upper)).all(axis=1) | self.two_sided
+        if near.any():
+            # x, y, z first: sums over short last axes take several times as long.
+            a, b, c = np.moveaxis(self.triangles, 0, 2)[..., None] - points[near].T[:, None]
+            la, lb, lc = (np.sqrt(_dot(corner, corner)) for corner in (a, b, c))
+            cross = (b[1] * c[2] - b[2] * c[1], b[2] * c[0] - b[0] * c[2], b[0] * c[1] - b[1] * c[0])
+            spread = la * lb * lc + _dot(a, b) * lc + _dot(b, c) * la + _dot(c, a) * lb
+            angles = np.arctan2(_dot(a, cross), spread)
+            turns[near] = angles.sum(axis=0) / (2.0 * np.pi)
+        return turns
 
-    @property
+    @functools.cached_property
+    def _box(self) -> tuple[FloatArray, FloatArray]:
+        """The lower and the upper corner of the box around it, m."""
+        return self.vertices.min(axis=0), self.vertices.max(axis=0)
+
+    @functools.cached_property
     def volume(self) -> float:
         """The volume a closed mesh encloses, m^3; negative if wound inwards, as a room is."""
         a, b, c = np.moveaxis(self.triangles - self.vertices.mean(axis=0), 1, 0)
@@ -113,6 +129,10 @@ class TriangleMesh:
         """Return the size and the kind."""
         sides = "two-sided" if self.two_sided else "one-sided"
         return f"TriangleMesh({self.name!r}, {len(self.vertices)} vertices, {len(self.faces)} faces, {sides})"
+
+
+def _dot(a: Sequence[FloatArray], b: Sequence[FloatArray]) -> FloatArray:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 def _checked_vertices(vertices: ArrayLike, name: str) -> FloatArray:

@@ -57,8 +57,13 @@ class Neighbourhood(NamedTuple):
 def no_neighbourhood() -> Neighbourhood:
     """Return scratch memory for one thread, which holds no place yet."""
     cylinder = np.zeros(1, CYLINDER)
-    cylinder[0]["length"], cylinder[0]["paths"] = -1.0, FURTHEST
+    forget(cylinder)
     return Neighbourhood(cylinder, np.zeros(CAPACITY, np.int64), np.zeros(QUEUE, np.int64))
+
+
+def forget(cylinder: RecordArray) -> None:
+    """Let scratch memory hold no place, as it must before it is used in another scene."""
+    cylinder["length"], cylinder["paths"] = -1.0, FURTHEST
 
 
 @entry_kernel

@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from minigolf_env.physics import simulate as kernels
+from minigolf_env.physics.batch import NO_LOG, NO_PATH, check_clear, clearance_rows, shot_of, simulate_rows, sweep_rows
 from minigolf_env.physics.bvh import build_tree
 from minigolf_env.physics.checks import finite_array, one_of, positive_number
 from minigolf_env.physics.kernel import announced_compilation
 from minigolf_env.physics.mesh import TriangleMesh
 from minigolf_env.physics.normals import triangle_records
-from minigolf_env.physics.parallel import in_parallel
 from minigolf_env.physics.sweep import sweep, sweep_scan
 from minigolf_env.physics.types import (
     IMPACT,
@@ -33,7 +33,6 @@ from minigolf_env.physics.types import (
 IMPACTS = ("average", "conservative")
 
 MOST_STEPS = 2**40
-NO_PATH, NO_LOG = np.empty((0, 4)), np.empty((0, 8))
 
 
 def sweep_sphere(start: ArrayLike, end: ArrayLike, radius: float, triangles: ArrayLike) -> Hit:
@@ -143,11 +142,8 @@ class World:
         Raises:
             ValueError: wrong or different shapes, or values that are not finite.
         """
-        p, q = _same_length(_points(starts, "starts"), _points(ends, "ends"), "starts", "ends")
-        n = len(p)
-        alphas, normals, triangles = np.empty(n), np.empty((n, 3)), np.empty(n, np.int64)
-        with announced_compilation("sweep_batch"):
-            in_parallel(kernels.sweep_range, n, self._scene, p, q - p, alphas, normals, triangles)
+        p, q = checked_rows(starts, ends, "starts", "ends")
+        alphas, normals, triangles = sweep_rows([self._scene], p, q - p)
         return Hit(triangles >= 0, alphas, normals, triangles)  # type: ignore[arg-type]
 
     def step(self, position: ArrayLike, velocity: ArrayLike) -> tuple[FloatArray, FloatArray]:
@@ -171,7 +167,7 @@ class World:
             ValueError: wrong shapes, values that are not finite, or a ball that intersects a mesh.
         """
         p, v = self._clear(_point(position, "position")), _point(velocity, "velocity")
-        steps = self._steps(max_time)
+        steps = self.steps(max_time)
         shot, begun = self._run(p, v, steps, NO_PATH, NO_LOG)
         if not record:
             return shot
@@ -201,21 +197,9 @@ class World:
         Raises:
             ValueError: wrong or different shapes, values that are not finite, or a ball that intersects a mesh.
         """
-        p, v = _same_length(
-            _points(positions, "positions"), _points(velocities, "velocities"), "positions", "velocities"
-        )
+        p, v = checked_rows(positions, velocities, "positions", "velocities")
         self._clear(p)
-        n = len(p)
-        results, steps = np.empty(n, RESULT), self._steps(max_time)
-
-        def run(first: int, last: int) -> None:
-            scratch = kernels.new_scratch()
-            kernels.simulate_range(first, last, self._scene, scratch, steps, p, v, results, NO_PATH, NO_LOG)
-
-        with announced_compilation("simulate"):
-            in_parallel(run, n)
-        fields = (np.ascontiguousarray(results[name]) for name in ("time", "bounces", "exhausted"))
-        return Shot(p, v, results["status"].astype(np.int8), *fields)  # type: ignore[arg-type]
+        return shot_of(p, v, simulate_rows([self._scene], p, v, self.steps(max_time)))
 
     def clearance(self, position: ArrayLike) -> Any:
         """Return the distance from the ball's skin to the nearest triangle, m; negative where they intersect.
@@ -228,47 +212,55 @@ class World:
         """
         several = np.ndim(position) == 2
         p = _points(position, "position") if several else _point(position, "position")[None]
-        clearances = np.empty(len(p))
-        with announced_compilation("clearance"):
-            in_parallel(kernels.clearance_range, len(p), self._scene, p, clearances)
+        clearances = clearance_rows([self._scene], p)
         return clearances if several else float(clearances[0])
 
     def require_free(self, position: ArrayLike) -> FloatArray:
-        """Return a centre (3,) as an array if a ball there is in free space: what an editor or a tee should ask.
+        """Return a centre (3,), or N of them (N, 3), as an array if balls there are in free space.
 
-        Unlike ``clearance``, which has no side, this also finds a ball that is wholly inside a solid, or out of the
-        room. It looks at every triangle.
+        What an editor or a tee should ask: unlike ``clearance``, which has no side, this also finds a ball that is
+        wholly inside a solid, or out of the room. It looks at every triangle.
 
         Raises:
-            ValueError: the ball intersects a mesh, is inside a solid or outside the room; a wrong shape or values that
+            ValueError: a ball intersects a mesh, is inside a solid or outside the room; a wrong shape or values that
                 are not finite.
         """
-        p = self._clear(_point(position, "position"))
-        rooms = [mesh for mesh in self.meshes if not mesh.two_sided and mesh.volume < 0.0]
-        solids = [mesh for mesh in self.meshes if not mesh.two_sided and mesh.volume >= 0.0]
-        for mesh in solids:
-            if mesh.winding_number(p) > 0.5:
-                raise ValueError(f"position: expected a ball in free space, {p.tolist()} is inside {mesh.name!r}.")
-        if rooms and all(mesh.winding_number(p) > -0.5 for mesh in rooms):
-            raise ValueError(f"position: expected a ball in the room, {p.tolist()} is outside {rooms[0].name!r}.")
+        several = np.ndim(position) == 2
+        p = self._clear(_points(position, "position") if several else _point(position, "position"))
+        balls = p.reshape(-1, 3)
+        outside = np.ones(len(balls), np.bool_)
+        rooms = []
+        for mesh in self.meshes:
+            if mesh.two_sided:
+                continue
+            turns = mesh.winding_number(balls)
+            if mesh.volume < 0.0:
+                rooms.append(mesh.name)
+                outside &= turns > -0.5
+            elif (turns > 0.5).any():
+                inside = balls[(turns > 0.5).argmax()].tolist()
+                raise ValueError(f"position: expected a ball in free space, {inside} is inside {mesh.name!r}.")
+        if rooms and outside.any():
+            ball = balls[outside.argmax()].tolist()
+            raise ValueError(f"position: expected a ball in the room, {ball} is outside {rooms[0]!r}.")
         return p
 
     def _clear(self, p: FloatArray) -> FloatArray:
         """Return centres (3,) or (N, 3) unchanged, or raise a ValueError for the first ball that intersects a mesh."""
-        centres = p.reshape(-1, 3)
-        clearances = self.clearance(centres)
-        scale = np.maximum(self.scale, np.abs(centres).max(axis=1, initial=0.0))
-        deep = clearances < -2.0 * TOLERANCE * scale
-        if deep.any():
-            i = int(deep.argmax())
-            which = "position" if p.ndim == 1 else f"position {i}"
-            raise ValueError(
-                f"{which}: expected a ball in free space, received {centres[i].tolist()}, {-clearances[i]:.3g} m deep "
-                f"in a surface; its centre must be at least {self.ball_radius:g} m from every triangle."
-            )
+        check_clear([self._scene], p, self.scale)
         return p
 
-    def _steps(self, max_time: float) -> int:
+    @property
+    def scene(self) -> Scene:
+        """What the kernels read."""
+        return self._scene
+
+    def steps(self, max_time: float) -> int:
+        """Return the number of time steps that a duration (s) takes.
+
+        Raises:
+            ValueError: it is not a number > 0, or too large.
+        """
         limit = positive_number(max_time, "max_time", "give the longest time to simulate in seconds.")
         if limit > MOST_STEPS * self.dt:
             raise ValueError(
@@ -294,10 +286,12 @@ def _points(value: ArrayLike, what: str) -> FloatArray:
     return finite_array(value, (None, 3), what, "give one row of x, y, z a ball.")
 
 
-def _same_length(a: FloatArray, b: FloatArray, what_a: str, what_b: str) -> tuple[FloatArray, FloatArray]:
-    if len(a) != len(b):
-        raise ValueError(f"{what_b}: expected as many rows as {what_a}, {len(a)}, received {len(b)}.")
-    return a, b
+def checked_rows(a: ArrayLike, b: ArrayLike, what_a: str, what_b: str) -> tuple[FloatArray, FloatArray]:
+    """Return two tables (N, 3) of one length as arrays, or raise a ValueError."""
+    rows_a, rows_b = _points(a, what_a), _points(b, what_b)
+    if len(rows_a) != len(rows_b):
+        raise ValueError(f"{what_b}: expected as many rows as {what_a}, {len(rows_a)}, received {len(rows_b)}.")
+    return rows_a, rows_b
 
 
 def _checked_meshes(meshes: Sequence[TriangleMesh]) -> tuple[TriangleMesh, ...]:

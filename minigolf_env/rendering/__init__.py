@@ -5,7 +5,7 @@ from minigolf_env.rendering.errors import RenderingError
 from minigolf_env.rendering.frame import Frame, Line
 from minigolf_env.rendering.moving import flag_at_rest
 from minigolf_env.rendering.playback import PAUSE, still
-from minigolf_env.rendering.screen import FPS, PROFILES, RENDER_MODES, Screen, Settings
+from minigolf_env.rendering.screen import FPS, PROFILES, RENDER_MODES, Screen, Settings, Stage
 from minigolf_env.rendering.tiles import tile
 
 __all__ = [
@@ -20,6 +20,7 @@ __all__ = [
     "RenderingError",
     "Screen",
     "Settings",
+    "Stage",
     "flag_at_rest",
     "still",
     "tile",

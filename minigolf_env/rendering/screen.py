@@ -53,9 +53,18 @@ class Settings:
         return self.size[0] / self.size[1]
 
 
+class Stage(NamedTuple):
+    """Where putts are played."""
+
+    course: Course
+    trace: Trace
+    """The physics."""
+
+
 class _Event(NamedTuple):
     """A ball that is put somewhere, or a putt."""
 
+    stage: Stage
     lies: FloatArray
     """(3,) where the ball lies then, m."""
     before: FloatArray | None = None
@@ -68,34 +77,41 @@ class Screen:
     """Shows the putts of one environment; where nothing is asked for, nothing is computed.
 
     Args:
-        course: the course.
+        stage: where the first putts are played.
         settings: what to show.
-        trace: the physics.
     """
 
-    def __init__(self, course: Course, settings: Settings, trace: Trace) -> None:
-        self._course, self._settings, self._trace = course, settings, trace
+    def __init__(self, stage: Stage, settings: Settings) -> None:
+        self._settings = settings
+        self._stage = self._entered = stage
         self._unseen: list[_Event] = []
         self._mirrors: list[Screen] = []
         self._ball, self._turn, self._clock = np.zeros(3), np.eye(3), 0.0
         self._last: Replay | None = None
         self._window: Window | None = None
 
-    def put(self, ball: FloatArray, keep_last: bool = False) -> None:
-        """Begin anew with the ball at rest at (3,); ``keep_last``: the last putt is still to be seen."""
-        self._add(_Event(ball), self._unseen[-1:] if keep_last else [])
+    def put(self, ball: FloatArray, stage: Stage | None = None, keep_last: bool = False) -> None:
+        """Begin anew with the ball at rest at (3,).
+
+        Args:
+            ball: its centre, m.
+            stage: where it lies and the next putts are played; None: where the last ones were.
+            keep_last: the last putt is still to be seen.
+        """
+        self._entered = stage or self._entered
+        self._add(_Event(self._entered, ball), self._unseen[-1:] if keep_last else [])
         for mirror in self._mirrors:
-            mirror.put(ball, keep_last)
+            mirror.put(ball, stage, keep_last)
 
     def putt(self, before: FloatArray, velocity: FloatArray, lies: FloatArray) -> None:
         """Take in a putt: where it was struck (3,), how (3,), and where the ball lies now (3,)."""
-        self._add(_Event(lies, before, velocity), self._unseen)
+        self._add(_Event(self._entered, lies, before, velocity), self._unseen)
         for mirror in self._mirrors:
             mirror.putt(before, velocity, lies)
 
     def mirror(self) -> Screen:
         """Return a screen that from now on takes in what this one does, for ``film``: neither sees it for the other."""
-        mirror = Screen(self._course, replace(self._settings, mode="rgb_array_list"), self._trace)
+        mirror = Screen(self._entered, replace(self._settings, mode="rgb_array_list"))
         mirror._ball = self._unseen[-1].lies if self._unseen else self._ball
         self._mirrors.append(mirror)
         return mirror
@@ -133,7 +149,7 @@ class Screen:
     def forget(self, until_put: bool = False) -> None:
         """Let pass what ``film`` would show."""
         for event in self._take(until_put):
-            self._begin(event.lies)
+            self._begin(event)
 
     def close(self) -> None:
         """Close the window, if there is one, and tell mirrors nothing more."""
@@ -160,18 +176,19 @@ class Screen:
         while self._unseen and not (until_put and self._unseen[0].velocity is None):
             yield self._unseen.pop(0)
 
-    def _begin(self, ball: FloatArray) -> None:
-        self._ball, self._turn, self._clock, self._last = ball, np.eye(3), 0.0, None
+    def _begin(self, event: _Event) -> None:
+        self._stage = event.stage
+        self._ball, self._turn, self._clock, self._last = event.lies, np.eye(3), 0.0, None
 
     def _replay(self, event: _Event) -> Replay | None:
         """Let an event happen; return the putt, which goes on from the one before, or None for a ball that was put."""
         if event.before is None or event.velocity is None:
-            self._begin(event.lies)
+            self._begin(event)
             return None
         self._ball = event.lies
-        path, times = self._trace(event.before, event.velocity)
+        path, times = self._stage.trace(event.before, event.velocity)
         replay = Replay(
-            self._course,
+            self._stage.course,
             path,
             times,
             self._settings.camera,
@@ -185,19 +202,20 @@ class Screen:
         return replay
 
     def _still(self) -> tuple[Camera, Frame]:
-        return still(self._course, self._settings.camera, self._settings.aspect, self._ball, self._clock)
+        return still(self._stage.course, self._settings.camera, self._settings.aspect, self._ball, self._clock)
 
     def _draw(self, camera: Camera, frame: Frame) -> Picture:
         from minigolf_env.rendering.offscreen import draw
 
         profile = "fast" if self._settings.profile == "fast" else "high"
-        return draw(self._course, camera, frame, self._settings.size, profile)
+        return draw(self._stage.course, camera, frame, self._settings.size, profile)
 
     def _open(self) -> Window:
         if self._window is None:
             from minigolf_env.rendering.window import Window
 
-            self._window = Window(self._course, self._settings)
+            self._window = Window(self._stage.course, self._settings)
+        self._window.enter(self._stage.course)
         return self._window
 
     def __getstate__(self) -> dict[str, Any]:

@@ -78,6 +78,13 @@ class Window:
         """Whether its user has not closed it."""
         return self.window is not None and not self.window.has_exit
 
+    def enter(self, course: Course) -> None:
+        """Show another course from now on."""
+        if course is not self.course:
+            self.course = course
+            if self.is_open:
+                self.window.set_caption(f"minigolf: {course.name}")
+
     def show(self, camera: Camera, frame: Frame) -> None:
         """Show a moment, all that the camera was to show, and let the window's user do things.
 

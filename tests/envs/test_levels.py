@@ -1,0 +1,182 @@
+"""Environments on endless levels: sets, chosen levels, states, batches."""
+
+from __future__ import annotations
+
+import pickle
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from minigolf_env.envs import MiniGolfEnv, MiniGolfVectorEnv
+from minigolf_env.envs.levels import ALL, Levels
+
+N = 5
+
+
+def make(**options: Any) -> MiniGolfEnv:
+    """Return an environment on levels."""
+    return MiniGolfEnv("procedural", **options)
+
+
+def numbers(levels: Levels, many: int = 2000) -> set[int]:
+    """Return levels drawn from a set whose holes are their numbers."""
+    rng = np.random.default_rng(0)
+    return {levels.draw(rng) for _ in range(many)}  # type: ignore[misc]
+
+
+def test_training_and_test_levels_are_disjoint() -> None:
+    """A set is start_level ... start_level + num_levels - 1, all of it; 0 stands for all there are."""
+    train = numbers(Levels(lambda n: n, 0, 50))  # type: ignore[arg-type, return-value]
+    test = numbers(Levels(lambda n: n, 50, 20))  # type: ignore[arg-type, return-value]
+    assert train == set(range(50)) and test == set(range(50, 70))
+    everything = numbers(Levels(lambda n: n, 50, 0))  # type: ignore[arg-type, return-value]
+    assert len(everything) > 1990 and min(everything) < ALL / 100 and max(everything) > 0.99 * ALL
+
+
+def test_the_level_is_drawn_at_reset() -> None:
+    """From the environment's own generator, so that a seed gives the same levels again; info names it."""
+    env, twin = make(num_levels=20, start_level=100), make(num_levels=20, start_level=100)
+    first = [env.reset(seed=4 if k == 0 else None)[1] for k in range(12)]
+    again = [twin.reset(seed=4 if k == 0 else None)[1] for k in range(12)]
+    assert first == again
+    levels = [info["level"] for info in first]
+    assert all(type(level) is int and 100 <= level < 120 for level in levels) and len(set(levels)) > 4
+    assert (
+        first[0]["course"]
+        == f"procedural-v1-easy-{levels[0]}"
+        == env.task.course.name.replace(str(env.task.level), str(levels[0]))
+    )
+
+
+def test_a_level_can_be_chosen() -> None:
+    """Also one outside the set; the next reset draws again."""
+    env = make(num_levels=1, difficulty="medium", observation="rays")
+    observation, info = env.reset(seed=0, options={"level": 17})
+    assert info["level"] == 17 and info["course"] == "procedural-v1-medium-17"
+    assert env.observation_space.contains(observation)
+    assert env.reset()[1]["level"] == 0
+    place = tuple(np.append(env.task.course.tee.centre, env.task.course.ball_radius))
+    env.reset(options={"level": 0, "position": place})
+    assert env.get_state()["position"] == place
+
+
+def test_a_state_holds_its_level() -> None:
+    """Another environment goes on from it, with the same bits; so does an unpickled copy."""
+    env, other = make(difficulty="hard", num_levels=3), make(difficulty="hard", num_levels=1)
+    env.reset(seed=8, options={"level": 2})
+    env.step([0.4, 0.2])
+    state = env.get_state()
+    assert state["level"] == 2
+    other.reset(seed=0)
+    other.set_state(state)
+    copy = pickle.loads(pickle.dumps(env))  # noqa: S301 (our own)
+    putts = np.random.default_rng(0).uniform(-1, 1, (8, 2))
+    for twin in (other, copy):
+        assert twin.what_if(putts).position.tobytes() == env.what_if(putts).position.tobytes()
+    played = [twin.step([0.3, -0.5]) for twin in (env, other, copy)]
+    assert len({step[0].tobytes() for step in played}) == 1 and played[0][1:] == played[1][1:] == played[2][1:]
+
+
+@pytest.mark.parametrize("observation", ["state", "rays"])
+@pytest.mark.parametrize("mode", ["NextStep", "SameStep", "Disabled"])
+def test_each_environment_of_a_batch_equals_a_single_one(mode: str, observation: str) -> None:
+    """Environment i is a single environment seeded seed + i, bit for bit, each on levels of its own."""
+    options: dict[str, Any] = {"difficulty": "medium", "num_levels": 6, "max_strokes": 2, "observation": observation}
+    batch = gym.make_vec("minigolf_env:MiniGolf-v0", num_envs=N, course="procedural", autoreset_mode=mode, **options)
+    singles = [make(**options) for _ in range(N)]
+    observed, info = batch.reset(seed=7)
+    for i, env in enumerate(singles):
+        one, one_info = env.reset(seed=7 + i)
+        assert observed[i].tobytes() == one.tobytes() and {key: info[key][i] for key in one_info} == one_info
+    assert len(set(info["level"])) > 1
+    over = np.zeros(N, np.bool_)
+    for step in range(7):
+        putts = np.random.default_rng(step).uniform(-1, 1, (N, 2)).astype(np.float32)
+        if mode == "Disabled" and over.any():
+            observed, _ = batch.reset(options={"reset_mask": over})
+            for i in np.flatnonzero(over):
+                assert observed[i].tobytes() == singles[i].reset()[0].tobytes()
+            over = np.zeros(N, np.bool_)
+        observed, rewards, terminated, _, info = batch.step(putts)
+        for i, env in enumerate(singles):
+            if mode == "NextStep" and over[i]:
+                one, one_info = env.reset()
+                assert rewards[i] == 0.0 and not terminated[i]
+            else:
+                one, reward, ended, _, one_info = env.step(putts[i])
+                assert (rewards[i], terminated[i]) == (reward, ended)
+                if mode == "SameStep" and ended:
+                    assert info["final_obs"][i].tobytes() == one.tobytes()
+                    assert {key: info["final_info"][key][i] for key in one_info} == one_info
+                    one, one_info = env.reset()
+            assert {key: info[key][i] for key in one_info} == one_info
+            assert observed[i].tobytes() == one.tobytes()
+        over = terminated.copy()
+    batch.close()
+
+
+def test_a_batch_plays_chosen_levels() -> None:
+    """One for all, or one each; where only some are reset, the others play on."""
+    batch = MiniGolfVectorEnv(3, "procedural", num_levels=4, autoreset_mode="Disabled")
+    assert batch.reset(seed=0, options={"level": [9, 11, 9]})[1]["level"].tolist() == [9, 11, 9]
+    mask = np.array([False, True, False])
+    assert batch.reset(options={"reset_mask": mask, "level": 30})[1]["level"].tolist() == [9, 30, 9]
+    for wrong in ([1, 2], [1, 2, -1], "first", 0.5):
+        with pytest.raises(ValueError, match="level: expected"):
+            batch.reset(options={"level": wrong})
+    assert batch.step(np.zeros((3, 2)))[-1]["level"].tolist() == [9, 30, 9]
+
+
+def test_a_film_goes_from_level_to_level() -> None:
+    """Each picture shows the level that was played then."""
+    options: dict[str, Any] = {"render_size": (64, 48), "camera": "top", "render_profile": "fast"}
+    film, still = make(render_mode="rgb_array_list", **options), make(render_mode="rgb_array", **options)
+    film.reset(seed=0, options={"level": 1})
+    film.step([0.1, 0.0])
+    pictures = film.render()
+    film.reset(options={"level": 2})
+    film.step([0.1, 0.0])
+    pictures += film.render()
+    shown = []
+    for level in (1, 2):
+        still.reset(seed=0, options={"level": level})
+        shown.append(still.render())
+    assert np.array_equal(pictures[0], shown[0]) and not np.array_equal(shown[0], shown[1])
+    assert any(np.abs(picture.astype(int) - shown[1]).mean() < 2.0 for picture in pictures)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"difficulty": "meduim"}, "difficulty: expected one of .* did you mean 'medium'"),
+        ({"start_level": -1}, "start_level: expected an integer from 0 to 2147483647, received -1"),
+        ({"start_level": 1.5}, "start_level: expected an integer"),
+        ({"num_levels": True}, "num_levels: expected an integer"),
+        ({"start_level": 2**31 - 5, "num_levels": 6}, "num_levels: expected at most 5 from level 2147483643 on"),
+        ({"course": "dogleg", "num_levels": 3}, "num_levels: expected with course='procedural' only"),
+        ({"cup_radius": 0.5}, "cup radius: expected at most 0.2 m"),
+        ({"reward": "sparse"}, "reward"),
+    ],
+)
+def test_bad_arguments_are_named(options: dict[str, Any], message: str) -> None:
+    """When the environment is made, not at its first reset."""
+    with pytest.raises(ValueError, match=message):
+        MiniGolfEnv(**({"course": "procedural"} | options))
+
+
+@pytest.mark.parametrize("level", [-1, 2**31, 1.5, "17", True, None])
+def test_levels_that_are_none(level: Any) -> None:
+    """A reset is refused and changes nothing."""
+    env = make(num_levels=2)
+    before = env.reset(seed=1)[1]
+    if level is None:
+        with pytest.raises(ValueError, match="position: expected with a 'level'"):
+            env.reset(options={"position": env.get_state()["position"]})
+    else:
+        with pytest.raises(ValueError, match="level: expected an integer from 0"):
+            env.reset(seed=5, options={"level": level})
+    assert env.step([0.0, 0.0])[-1]["level"] == before["level"]
+    with pytest.raises(ValueError, match="level: expected none on the course 'dogleg'"):
+        MiniGolfEnv().reset(options={"level": 1})
