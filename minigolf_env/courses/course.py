@@ -214,6 +214,14 @@ class Course:
                 f"route: expected points from the tee's centre to the cup, {ends[0]} to {ends[1]}, "
                 f"received {self.route!r}; add the ends."
             )
+        if (np.diff(route, axis=0) == 0.0).all(axis=1).any():
+            raise CourseError(
+                f"route: expected legs with a length, received {self.route!r}; leave repeated points out."
+            )
+
+    def __deepcopy__(self, memo: dict[int, object]) -> Course:
+        """Return the course itself: it is immutable, and what is drawn and computed of it is kept by identity."""
+        return self
 
 
 @contextmanager

@@ -104,6 +104,10 @@ class World:
         with announced_compilation("World"):
             self._scene = self._compile(corners)
 
+    def __deepcopy__(self, memo: dict[int, object]) -> World:
+        """Return the world itself: it is immutable."""
+        return self
+
     def _compile(self, corners: FloatArray) -> Scene:
         nodes, order = build_tree(corners)
         sizes = [len(mesh.faces) for mesh in self.meshes]
