@@ -73,7 +73,7 @@ def test_a_hole_with_mouse_and_keys(display: str, tmp_path: Path) -> None:
         assert player.wait("idle", size=[700, 420])["ready"] is False
         player.move(300, 200)
         player.key("n")
-        player.wait("hole", name="dogleg")
+        player.wait("hole", name=list_courses()[HOLE])
         aim_at(player)
         player.key("f")
         player.wait("idle", size=[1280, 900])
