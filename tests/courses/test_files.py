@@ -106,7 +106,7 @@ def test_every_kind_of_part_is_solid_and_stops_no_ball_for_good(part: dict[str, 
     velocities = np.column_stack([3.0 * np.cos(angle), 3.0 * np.sin(angle), 0.0 * angle])
     shots = world.simulate_batch(np.tile([0.3, 0.5, course.ball_radius], (60, 1)), velocities)
     assert not np.any(shots.exhausted) and np.mean(np.asarray(shots.status) == Status.REST) > 0.95
-    inside = [abs(one.mesh.winding_number(place)) > 0.5 for one in own for place in shots.position]
+    inside = [abs(turns) > 0.5 for one in own for turns in one.mesh.winding_number(shots.position)]
     assert not any(inside)
 
 

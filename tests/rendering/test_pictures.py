@@ -220,8 +220,8 @@ def test_an_interrupted_picture_spoils_no_other(monkeypatch: pytest.MonkeyPatch)
     ):
         with monkeypatch.context() as patched:
             patched.setattr(place, method, interrupted)
-            with pytest.raises(KeyboardInterrupt):
-                picture(camera="follow")
+            with pytest.raises(KeyboardInterrupt):  # Of a view that is new, so that all of it is drawn.
+                draw(DOGLEG, Camera((float(len(method)), -1.0, 1.0), (3.0, 2.0, 0.0)), moment(), SIZE)
             with contextlib.suppress(KeyboardInterrupt):  # The flag is not in the part that is drawn again.
                 picture(camera="top")
         course = dataclasses.replace(DOGLEG)
