@@ -67,6 +67,19 @@ def load_course(name: str | Path | Course, cup_radius: float | None = None, limi
     return _read(path, path.stat().st_mtime_ns, radius, limits or Limits())
 
 
+def par_of(name: str) -> int | None:
+    """Return a course's par, as ``load_course(name).par``; of a bundled one without building its meshes.
+
+    Raises:
+        CourseError: as for ``load_course``.
+    """
+    if name not in HOLES:
+        return load_course(name).par
+    from minigolf_env.courses.files import read_description
+
+    return read_description(_path(name)).par
+
+
 def _path(name: str | Path) -> Path:
     """Return the file of a course, or raise a ValueError."""
     if Path(str(name)).suffix.lower() in FILES:

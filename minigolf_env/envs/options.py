@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import operator
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -18,7 +17,7 @@ from minigolf_env.envs.observations import OBSERVERS, Observer
 from minigolf_env.envs.task import REWARDS, FloatArray, Task
 from minigolf_env.physics import World
 from minigolf_env.physics.checks import finite_array, one_of, positive_number
-from minigolf_env.rendering import CAMERAS, PROFILES, Settings
+from minigolf_env.rendering import CAMERAS, PROFILES, Settings, check_size
 
 TEES = ("random", "fixed")
 
@@ -57,7 +56,7 @@ def make_setup(
         one_of(render_mode, render_modes, "render_mode")
     settings = Settings(
         mode=render_mode,
-        size=_size(render_size),
+        size=check_size(render_size, "render_size"),
         camera=one_of(camera, CAMERAS, "camera"),
         profile=one_of(render_profile, PROFILES, "render_profile"),
         speed=positive_number(render_speed, "render_speed", "1 is real time."),
@@ -154,16 +153,6 @@ def check_lie(task: Task, position: ArrayLike) -> FloatArray:
 
 def _make_level(difficulty: str, rules: dict[str, Any], level: int) -> Task:
     return make_task(level_name(difficulty, level), level=level, **rules)
-
-
-def _size(size: tuple[int, int]) -> tuple[int, int]:
-    try:
-        width, height = (operator.index(side) for side in size)
-    except (TypeError, ValueError):
-        width = height = 0
-    if width < 1 or height < 1:
-        raise ValueError(f"render_size: expected width and height in pixels, at least 1, received {size!r}.")
-    return width, height
 
 
 def _noise(value: tuple[float, float]) -> tuple[float, float]:

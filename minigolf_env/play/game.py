@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from minigolf_env.courses import Course, list_courses, load_course
+from minigolf_env.courses import Course, list_courses, par_of
 from minigolf_env.envs import MiniGolfEnv
 from minigolf_env.physics import World
 from minigolf_env.planning import search
@@ -70,7 +70,7 @@ class Game:
         self.rival = rival
         self._policy = opponent
         players = [YOU] if opponent is None else [YOU, rival]
-        self.card = Card({name: load_course(name).par or 0 for name in self.holes}, players)
+        self.card = Card({name: par_of(name) or 0 for name in self.holes}, players)
         self.start(hole)
 
     def start(self, hole: str) -> None:

@@ -4,8 +4,8 @@ from minigolf_env.rendering.camera import CAMERAS, Camera
 from minigolf_env.rendering.errors import RenderingError
 from minigolf_env.rendering.frame import Frame, Line
 from minigolf_env.rendering.moving import flag_at_rest
-from minigolf_env.rendering.playback import PAUSE, still
-from minigolf_env.rendering.screen import FPS, PROFILES, RENDER_MODES, Screen, Settings, Stage
+from minigolf_env.rendering.playback import PAUSE, picture_count, still
+from minigolf_env.rendering.screen import FPS, PROFILES, RENDER_MODES, Screen, Settings, Stage, check_size
 from minigolf_env.rendering.tiles import tile
 
 __all__ = [
@@ -21,7 +21,9 @@ __all__ = [
     "Screen",
     "Settings",
     "Stage",
+    "check_size",
     "flag_at_rest",
+    "picture_count",
     "still",
     "tile",
 ]

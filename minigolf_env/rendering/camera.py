@@ -183,12 +183,12 @@ def _heading(course: Course, place: tuple[float, float], ahead: float) -> FloatA
     """Return the unit vector (2,) from a place to the point ``ahead`` metres further along the route."""
     route = np.asarray(course.route) if course.route else np.array([place, np.add(place, (1.0, 0.0))])
     starts, legs = route[:-1], np.diff(route, axis=0)
-    lengths = np.maximum(np.hypot(*legs.T), 1e-9)
+    lengths = np.hypot(*legs.T)
     share = np.clip(np.sum((place - starts) * legs, axis=1) / lengths**2, 0.0, 1.0)
     feet = starts + share[:, None] * legs
     leg = int(np.argmin(np.hypot(*(feet - place).T)))
-    along = float(np.concatenate([[0.0], np.cumsum(lengths)])[leg] + share[leg] * lengths[leg]) + ahead
     ends = np.concatenate([[0.0], np.cumsum(lengths)])
+    along = float(ends[leg] + share[leg] * lengths[leg]) + ahead
     goal = np.array([np.interp(along, ends, route[:, k]) for k in (0, 1)])
     way = goal - place
     length = float(np.hypot(*way))

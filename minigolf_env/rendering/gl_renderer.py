@@ -21,6 +21,7 @@ from minigolf_env.rendering.frame import Frame
 from minigolf_env.rendering.gl_course import FRAME_BLOCK, UP, CourseBuffers
 from minigolf_env.rendering.gl_objects import (
     FRAME_SLOT,
+    MATERIALS,
     Lines,
     Mesh,
     Program,
@@ -190,7 +191,7 @@ class Renderer:
         GL.glBindBufferBase(GL.GL_UNIFORM_BUFFER, FRAME_SLOT, self._frame)
 
     def _program(self, name: str) -> Program:
-        key = name, self._fast
+        key = name, self._fast and name in MATERIALS  # The others know no light.
         if key not in self._programs:
             self._programs[key] = Program(*key)
         return self._programs[key]

@@ -92,7 +92,7 @@ class Replay:
 
     def moments(self, fps: int) -> FloatArray:
         """Return the times of the pictures of a video, s."""
-        return np.arange(math.ceil(self.duration * fps)) / fps
+        return np.arange(picture_count(self.time, fps)) / fps
 
     def frame(self, time: float) -> Frame:
         """Return where things are at a time, s."""
@@ -145,6 +145,11 @@ class Replay:
         points = np.stack([np.interp(moments, self._times, self._path[:, k]) for k in range(3)], axis=-1)
         points[:, 2] -= 0.9 * self.course.ball_radius
         return Line(points, 2.0 * TRAIL_WIDTH * self.course.ball_radius, start, end)
+
+
+def picture_count(time: float, fps: int) -> int:
+    """Return how many pictures a putt has whose ball moves for a time, s, at ``fps`` a second."""
+    return math.ceil((time + PAUSE) * fps)
 
 
 def flag_foot(course: Course, ball: FloatArray) -> FloatArray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -51,6 +52,17 @@ class Settings:
     def aspect(self) -> float:
         """Width / height."""
         return self.size[0] / self.size[1]
+
+
+def check_size(size: tuple[int, int], name: str) -> tuple[int, int]:
+    """Return the width and height of a picture, pixels, or raise a ValueError; ``name`` is what it calls them."""
+    try:
+        width, height = (operator.index(side) for side in size)
+    except (TypeError, ValueError):
+        width = height = 0
+    if width < 1 or height < 1:
+        raise ValueError(f"{name}: expected width and height in pixels, at least 1, received {size!r}.")
+    return width, height
 
 
 class Stage(NamedTuple):

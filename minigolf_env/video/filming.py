@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from pathlib import Path
 from typing import NamedTuple
@@ -12,8 +11,8 @@ from tqdm import tqdm
 from minigolf_env.envs import MiniGolfEnv
 from minigolf_env.physics.checks import one_of
 from minigolf_env.policies import Policy, load_policy
-from minigolf_env.rendering import PAUSE, PROFILES
-from minigolf_env.video.writer import Writer, check_fps, check_path, check_size, check_whole
+from minigolf_env.rendering import PROFILES, check_size, picture_count
+from minigolf_env.video.writer import Writer, check_fps, check_path, check_whole
 
 
 def film(
@@ -49,7 +48,7 @@ def film(
     """
     started = time.perf_counter()
     path = check_path(output)
-    fps, size = check_fps(fps, path), check_size(size)
+    fps, size = check_fps(fps, path), check_size(size, "size")
     check_whole(episodes, 1, 1000, "episodes", "one has several putts.")
     check_whole(seed, 0, 2**63, "seed", "0 will do.")
     one_of(profile, PROFILES, "profile")
@@ -83,7 +82,7 @@ def _play(env: MiniGolfEnv, player: Policy, seed: int, fps: int) -> _Show:
     over, pictures = False, 1
     while not over:
         observation, _, over, _, info = env.step(player.act(observation, env))
-        pictures += math.ceil((info["shot_time"] + PAUSE) * fps)
+        pictures += picture_count(info["shot_time"], fps)
     return _Show(info["strokes"], info["is_success"], pictures)
 
 

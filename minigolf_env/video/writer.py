@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import operator
 import os
 import subprocess
 import tempfile
@@ -18,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minigolf_env.physics.checks import one_of
+from minigolf_env.rendering import check_size
 
 Picture = NDArray[np.uint8]
 
@@ -68,7 +68,7 @@ class Writer:
 
     def __init__(self, path: Path, size: tuple[int, int], fps: int) -> None:
         self.path = check_path(path)
-        self.size = check_size(size)
+        self.size = check_size(size, "size")
         self.fps = check_fps(fps, self.path)
         self.pictures = 0
         """How many were added."""
@@ -158,17 +158,6 @@ def check_path(path: str | Path) -> Path:
     if not os.access(path.parent, os.W_OK | os.X_OK):
         raise PermissionError(f"{path}: no permission to write in {path.parent}; choose another folder.")
     return path
-
-
-def check_size(size: tuple[int, int]) -> tuple[int, int]:
-    """Return width and height, or raise a ValueError."""
-    try:
-        width, height = (operator.index(side) for side in size)
-    except (TypeError, ValueError):
-        width = height = 0
-    if width < 1 or height < 1:
-        raise ValueError(f"size: expected width and height in pixels, at least 1, received {size!r}.")
-    return width, height
 
 
 def check_fps(fps: int, path: Path) -> int:

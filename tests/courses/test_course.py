@@ -9,7 +9,7 @@ import pickle
 import numpy as np
 import pytest
 
-from minigolf_env.courses import CourseError, load_course
+from minigolf_env.courses import CourseError, list_courses, load_course, par_of
 from minigolf_env.envs import MiniGolfEnv
 
 
@@ -30,3 +30,9 @@ def test_copies_of_environments_share_course_and_world() -> None:
     putt = np.array([0.3, 0.2], np.float32)
     np.testing.assert_array_equal(env.step(putt)[0], other.step(putt)[0])
     np.testing.assert_array_equal(pickle.loads(pickle.dumps(env)).step(putt)[0], env.step(putt)[0])  # noqa: S301
+
+
+@pytest.mark.parametrize("name", [*list_courses(), "room"])
+def test_par_is_known_without_building(name: str) -> None:
+    """As the course has it."""
+    assert par_of(name) == load_course(name).par
