@@ -1,6 +1,7 @@
 """How long does a user wait? Run: python -m benchmarks.startup.
 
-Times fresh processes: imports, the first putt with compiled kernels in the cache, and the first putt of all.
+Times fresh processes: imports, the first putt with compiled kernels in the cache, and the first putt of all. Then, in
+this process, how long each bundled hole takes from its file to its compiled world.
 """
 
 from __future__ import annotations
@@ -12,6 +13,10 @@ import sys
 import tempfile
 import time
 
+from minigolf_env.courses import list_courses
+from minigolf_env.courses.files import read_course
+from minigolf_env.courses.library import DATA
+
 PUTT = "import gymnasium as gym; env = gym.make('minigolf_env:MiniGolf-v0'); env.reset(seed=0); env.step([0.3, 0.1])"
 RUNS = 5
 
@@ -22,6 +27,16 @@ def seconds(code: str, cache: str) -> float:
     environment = {**os.environ, "NUMBA_CACHE_DIR": cache}
     subprocess.run([sys.executable, "-c", code], check=True, env=environment, stderr=subprocess.DEVNULL)
     return time.perf_counter() - began
+
+
+def loading(name: str) -> float:
+    """Return the processor's time from a hole's file to its world, s: the median, after a first time."""
+    times = []
+    for _ in range(RUNS + 1):
+        began = time.process_time()
+        read_course(DATA / f"{name}.toml").world()
+        times.append(time.process_time() - began)
+    return statistics.median(times[1:])
 
 
 def main() -> None:
@@ -41,6 +56,8 @@ def main() -> None:
     rows = {name: statistics.median(values) for name, values in times.items()}
     for name, value in {**rows, "first putt of all, compiling": first}.items():
         print(f"{name:<30} {value:6.2f} s   x {value / base:.2f}")
+    for name in list_courses():
+        print(f"{'load ' + name:<30} {loading(name):6.2f} s")
 
 
 if __name__ == "__main__":
