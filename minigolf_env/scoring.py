@@ -21,7 +21,7 @@ from minigolf_env.courses.procedural import DIFFICULTIES, GENERATOR, PROCEDURAL
 from minigolf_env.envs import MiniGolfEnv
 from minigolf_env.physics.checks import one_of
 from minigolf_env.planning import search
-from minigolf_env.policies import Policy, RandomPolicy, load_policy
+from minigolf_env.policies import Policy, load_policy
 
 Z = 1.96
 """Two-sided 95 % quantile of the normal distribution."""
@@ -33,10 +33,6 @@ HELD_OUT = 1_000_000
 
 TRAIN = 0
 """The first training level."""
-
-QUICK = {"directions": 48, "speeds": 8, "rounds": 1}
-"""The search that is tried first; most levels need no more."""
-
 
 class Played(NamedTuple):
     """One episode."""
@@ -67,10 +63,6 @@ class SetScore:
     search_by_level: tuple[int, ...]
 
 
-PROGRESS = 0.1
-"""A putt of search that does not hole out has to bring the ball so much closer, m."""
-
-
 def play_episode(
     env: gym.Env[Any, Any], policy: Policy, seed: int | None, options: dict[str, Any] | None = None
 ) -> Played:
@@ -85,20 +77,10 @@ def play_episode(
 
 
 def strokes_of_search(env: MiniGolfEnv) -> int:
-    """Play on with search, a quick one where it suffices, and return the strokes of the episode in its end.
-
-    Search looks one putt ahead along the route, which leaves out obstacles: behind a wall nothing brings it closer, and
-    it plays a putt anywhere, the same every time.
-    """
-    anywhere, over = RandomPolicy(seed=0), False
+    """Play on with search and return the strokes of the episode in its end."""
+    over = False
     while not over:
-        plan = search(env, **QUICK)
-        plan = plan if plan.holed else search(env)
-        position = np.array(env.get_state()["position"])
-        gained = float(env.task.distance(position)) - plan.distance
-        action = plan.action if plan.holed or gained > PROGRESS else anywhere.act(np.empty(0, np.float32), env)
-        _, _, terminated, truncated, info = env.step(action)
-        over = terminated or truncated
+        _, _, over, _, info = env.step(search(env).action)
     return int(info["strokes"])
 
 
