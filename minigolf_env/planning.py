@@ -72,8 +72,9 @@ def search(
 ) -> Plan:
     """Return the best putt found from the environment's present state, which stays as it is; deterministic.
 
-    A grid over direction and speed, then ever finer grids around the putts that ended closest to the cup. Where no putt
-    holes out, second putts are tried from resting places of the first.
+    A grid over direction and speed, then ever finer grids around the putts that ended closest to the cup. Where one
+    holes out and there is noise, putts are compared by their expected score under it. Where none does, second putts are
+    tried from resting places of the first, without noise.
 
     Args:
         env: where the ball lies.
