@@ -22,8 +22,8 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback, ProgressBarCallback
 from stable_baselines3.common.vec_env import VecMonitor
 
-from agents import evaluate
 from agents.sb3_vec_env import SB3VecEnv
+from minigolf_env import evaluation
 from minigolf_env.policies import ModelPolicy, load_policy
 
 CONSOLE = Console()
@@ -115,10 +115,10 @@ class Checkpoints(BaseCallback):
         """Save, evaluate, and keep the model if it is the best so far."""
         self.saved_at = self.num_timesteps
         checkpoint = self.save("checkpoint.zip")
-        options = evaluate.Args(
-            course=self.args.course, episodes=self.args.check_episodes, first_seed=self.args.check_seed
+        episodes, seed = self.args.check_episodes, self.args.check_seed
+        score = evaluation.evaluate(
+            ModelPolicy(checkpoint), "PPO", self.args.course, episodes=episodes, first_seed=seed, quiet=True
         )
-        score = evaluate.evaluate(ModelPolicy(checkpoint), "PPO", options, quiet=True)
         self.logger.record("eval/strokes", score.strokes)
         self.logger.record("eval/holed", score.holed)
         self.logger.record("eval/hole_in_one", score.hole_in_one)
@@ -206,15 +206,14 @@ def train(args: Args, folder: Path) -> None:
         envs.close()
 
 
-def final_table(args: Args, folder: Path) -> list[evaluate.Score]:
+def final_table(args: Args, folder: Path) -> list[evaluation.Score]:
     """Evaluate random, search and the best model side by side."""
     scores = []
     players = {"random": args.final_episodes, "search": args.search_episodes, "PPO": args.final_episodes}
     for name, episodes in players.items():
         if episodes > 0:
             policy = ModelPolicy(folder / "best.zip") if name == "PPO" else load_policy(name)
-            options = evaluate.Args(course=args.course, episodes=episodes)
-            scores.append(evaluate.evaluate(policy, name, options))
+            scores.append(evaluation.evaluate(policy, name, args.course, episodes=episodes))
     write(folder / "scores.json", json.dumps([dataclasses.asdict(score) for score in scores], indent=2) + "\n")
     return scores
 
@@ -246,7 +245,7 @@ def read_args(folder: Path) -> Args:
     return Args(**{**stored, "hidden": tuple(stored["hidden"])})
 
 
-def main(args: Args) -> list[evaluate.Score]:
+def main(args: Args) -> list[evaluation.Score]:
     """Train, evaluate, print the table."""
     began = time.monotonic()
     if args.resume is not None:
@@ -258,7 +257,7 @@ def main(args: Args) -> list[evaluate.Score]:
         write(folder / "args.json", json.dumps(stored, indent=2) + "\n")
     train(args, folder)
     scores = final_table(args, folder)
-    evaluate.print_scores(scores)
+    evaluation.print_scores(scores)
     CONSOLE.print(
         f"{time.monotonic() - began:.0f} s in all. Model: {folder / 'best.zip'}; log: tensorboard --logdir {folder}"
     )

@@ -129,7 +129,7 @@ def make_task(
         reward=one_of(reward, REWARDS, "reward"),
         max_strokes=max_strokes,
         random_tee=one_of(tee, TEES, "tee") == "random",
-        putt_noise=_noise(putt_noise),
+        putt_noise=check_noise(putt_noise),
         level=level,
     )
 
@@ -151,15 +151,16 @@ def check_lie(task: Task, position: ArrayLike) -> FloatArray:
     return ball
 
 
-def _make_level(difficulty: str, rules: dict[str, Any], level: int) -> Task:
-    return make_task(level_name(difficulty, level), level=level, **rules)
-
-
-def _noise(value: tuple[float, float]) -> tuple[float, float]:
+def check_noise(value: tuple[float, float]) -> tuple[float, float]:
+    """Return standard deviations of direction (degrees) and speed (share of it), or raise a ValueError."""
     degrees, share = finite_array(value, (2,), "putt_noise", NOISE).tolist()
     if degrees < 0.0 or share < 0.0:
         raise ValueError(f"putt_noise: expected numbers >= 0, received {value!r}; {NOISE}")
     return degrees, share
+
+
+def _make_level(difficulty: str, rules: dict[str, Any], level: int) -> Task:
+    return make_task(level_name(difficulty, level), level=level, **rules)
 
 
 @functools.lru_cache(maxsize=LEVELS_KEPT)

@@ -1,0 +1,146 @@
+"""How well a policy plays one hole: strokes over fixed seeds, with confidence intervals."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from tqdm import tqdm
+
+from minigolf_env.courses.procedural import PROCEDURAL
+from minigolf_env.envs import MiniGolfEnv, MiniGolfVectorEnv
+from minigolf_env.policies import BatchPolicy, Policy
+from minigolf_env.scoring import (
+    Interval,
+    Played,
+    mean_interval,
+    play_episode,
+    play_together,
+    share_with_interval,
+    wilson,
+    with_interval,
+)
+
+FIRST_SEED = 1_000_000
+"""Of the episodes: far from the seeds that training uses."""
+
+BATCH = 4096
+"""Most episodes played side by side."""
+
+
+@dataclass(frozen=True)
+class Score:
+    """What a player reached; intervals are 95 % confidence intervals."""
+
+    policy: str
+    sha256: str | None
+    """Of the model's file; None: the player has none."""
+    course: str
+    episodes: int
+    first_seed: int
+    """Episode i is seeded first_seed + i."""
+    max_strokes: int
+    putt_noise: tuple[float, float]
+    """Standard deviations of direction (degrees) and speed (share of it)."""
+    strokes: float
+    """Mean; an episode that is not holed counts max_strokes."""
+    strokes_interval: Interval
+    holed: float
+    """Share of episodes that ended in the cup."""
+    holed_interval: Interval
+    hole_in_one: float
+    hole_in_one_interval: Interval
+
+
+def evaluate(
+    policy: Policy,
+    name: str,
+    course: str = "dogleg",
+    *,
+    episodes: int = 1000,
+    first_seed: int = FIRST_SEED,
+    max_strokes: int = 10,
+    putt_noise: tuple[float, float] = (0.0, 0.0),
+    watch: bool = False,
+    quiet: bool = False,
+) -> Score:
+    """Play the episodes of fixed seeds and return the score.
+
+    A BatchPolicy plays them side by side, with the same result as one after the other.
+
+    Args:
+        policy: the player.
+        name: what the score calls it.
+        course: the hole, a name or a file.
+        episodes: how many, at least 1.
+        first_seed: episode i is seeded first_seed + i.
+        max_strokes: of an episode.
+        putt_noise: standard deviations of direction (degrees) and speed (share of it).
+        watch: whether to show the putts in a window; closing it ends the show, not the evaluation.
+        quiet: whether to show no progress.
+
+    Raises:
+        ValueError: an argument is not what it should be.
+        RenderingError: a window was asked for, and there is no display.
+    """
+    if episodes < 1:
+        raise ValueError(f"episodes: expected at least 1, received {episodes}.")
+    if course == PROCEDURAL:
+        raise ValueError(f"course: expected one hole, received {course!r}; `minigolf benchmark` scores levels.")
+    options: dict[str, Any] = {"observation": policy.observation, "max_strokes": max_strokes, "putt_noise": putt_noise}
+    seeds = range(first_seed, first_seed + episodes)
+    if isinstance(policy, BatchPolicy) and not watch:
+        played = _play_together(policy, course, seeds, options)
+    else:
+        env = MiniGolfEnv(course, "human" if watch else None, **options)
+        bar = tqdm(seeds, f"{name} plays", leave=False, disable=quiet or None)
+        played = [play_episode(env, policy, seed) for seed in bar]
+        env.close()
+    strokes, holed = (np.array(column) for column in zip(*played, strict=True))
+    aces = int((holed & (strokes == 1)).sum())
+    return Score(
+        policy=name,
+        sha256=getattr(policy, "sha256", None),
+        course=course,
+        episodes=episodes,
+        first_seed=first_seed,
+        max_strokes=max_strokes,
+        putt_noise=putt_noise,
+        strokes=float(strokes.mean()),
+        strokes_interval=mean_interval(strokes),
+        holed=float(holed.mean()),
+        holed_interval=wilson(int(holed.sum()), episodes),
+        hole_in_one=aces / episodes,
+        hole_in_one_interval=wilson(aces, episodes),
+    )
+
+
+def _play_together(policy: BatchPolicy, course: str, seeds: Sequence[int], options: dict[str, Any]) -> list[Played]:
+    played: list[Played] = []
+    for i in range(0, len(seeds), BATCH):
+        batch = seeds[i : i + BATCH]
+        played += play_together(MiniGolfVectorEnv(len(batch), course, **options), policy, batch[0])
+    return played
+
+
+def print_scores(scores: Sequence[Score]) -> None:
+    """Print one table, a row for each player."""
+    from rich.console import Console
+    from rich.table import Table
+
+    first = scores[0]
+    noise = "noise of {:g} degrees and {:.1%}, ".format(*first.putt_noise) if any(first.putt_noise) else ""
+    table = Table(title=f"{first.course}: {noise}fixed seeds, [95 % confidence intervals]")
+    for column in ("player", "episodes", "mean strokes", "holed out", "hole-in-one"):
+        table.add_column(column, justify="left" if column == "player" else "right")
+    for score in scores:
+        table.add_row(
+            score.policy,
+            str(score.episodes),
+            with_interval(score.strokes, score.strokes_interval),
+            share_with_interval(score.holed, score.holed_interval),
+            share_with_interval(score.hole_in_one, score.hole_in_one_interval),
+        )
+    Console().print(table)
