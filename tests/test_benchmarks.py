@@ -10,7 +10,7 @@ import numba
 import numpy as np
 import pytest
 
-from benchmarks import exactness, speed
+from benchmarks import exactness, search, speed
 from benchmarks.energy_figure import draw, spread
 from benchmarks.peers import PEERS, load_peers
 from benchmarks.peers.engine import Minigolf
@@ -102,6 +102,14 @@ def test_an_unknown_engine_is_refused() -> None:
     """The error lists the known ones."""
     with pytest.raises(ValueError, match=r"expected some of pybullet, .*, received 'havok'"):
         load_peers(["havok"])
+
+
+def test_search_prints_its_table(capsys: pytest.CaptureFixture[str]) -> None:
+    """All rows of the hole appear."""
+    search.main(search.Args(episodes=1, levels=0))
+    printed = capsys.readouterr().out
+    for row in ("random", "thorough at once", "search ", "noise, search blind", "noise, search "):
+        assert f"| {row}" in printed
 
 
 def test_spread_leaves_out_lost_balls() -> None:
