@@ -13,8 +13,8 @@ from typing import Annotated
 
 import tyro
 
+from agents.runs import read_args
 from agents.train_ppo import Args as TrainArgs
-from agents.train_ppo import read_args
 from minigolf_env.evaluation import evaluate, print_scores
 from minigolf_env.network import read_network
 from minigolf_env.policies import SHIPPED, ModelPolicy
@@ -53,7 +53,7 @@ def command(args: TrainArgs) -> str:
 
 def main(args: Args) -> None:
     """Write the model and its card, and print its scores."""
-    trained = read_args(args.run)
+    trained = read_args(TrainArgs, args.run)
     args.output.parent.mkdir(exist_ok=True)
     read_network(args.run / "best.zip").save(args.output)
     size = args.output.stat().st_size

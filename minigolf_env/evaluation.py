@@ -1,4 +1,4 @@
-"""How well a policy plays one hole: strokes over fixed seeds, with confidence intervals."""
+"""How well a policy plays a hole, or levels: strokes over fixed seeds or levels, with confidence intervals."""
 
 from __future__ import annotations
 
@@ -38,9 +38,11 @@ class Score:
     sha256: str | None
     """Of the model's file; None: the player has none."""
     course: str
+    difficulty: str | None
+    """Of levels; None: on one hole."""
     episodes: int
     first_seed: int
-    """Episode i is seeded first_seed + i."""
+    """Episode i is seeded first_seed + i, or is played on this level."""
     max_strokes: int
     putt_noise: tuple[float, float]
     """Standard deviations of direction (degrees) and speed (share of it)."""
@@ -59,6 +61,7 @@ def evaluate(
     name: str,
     course: str = "dogleg",
     *,
+    difficulty: str | None = None,
     episodes: int = 1000,
     first_seed: int = FIRST_SEED,
     max_strokes: int = 10,
@@ -66,16 +69,17 @@ def evaluate(
     watch: bool = False,
     quiet: bool = False,
 ) -> Score:
-    """Play the episodes of fixed seeds and return the score.
+    """Play the episodes of fixed seeds, or on fixed levels from the middle of their tees, and return the score.
 
     A BatchPolicy plays them side by side, with the same result as one after the other.
 
     Args:
         policy: the player.
         name: what the score calls it.
-        course: the hole, a name or a file.
+        course: the hole, a name or a file; or "procedural" for levels.
+        difficulty: of levels.
         episodes: how many, at least 1.
-        first_seed: episode i is seeded first_seed + i.
+        first_seed: episode i is seeded first_seed + i, or is played on this level.
         max_strokes: of an episode.
         putt_noise: standard deviations of direction (degrees) and speed (share of it).
         watch: whether to show the putts in a window; closing it ends the show, not the evaluation.
@@ -87,16 +91,18 @@ def evaluate(
     """
     if episodes < 1:
         raise ValueError(f"episodes: expected at least 1, received {episodes}.")
+    rules: dict[str, Any] = {"observation": policy.observation, "max_strokes": max_strokes, "putt_noise": putt_noise}
     if course == PROCEDURAL:
-        raise ValueError(f"course: expected one hole, received {course!r}; `minigolf benchmark` scores levels.")
-    options: dict[str, Any] = {"observation": policy.observation, "max_strokes": max_strokes, "putt_noise": putt_noise}
-    seeds = range(first_seed, first_seed + episodes)
+        rules |= {"difficulty": difficulty, "tee": "fixed"}
+    elif difficulty is not None:
+        raise ValueError(f"difficulty: expected with course={PROCEDURAL!r} only, received {difficulty!r}.")
+    numbers = range(first_seed, first_seed + episodes)
     if isinstance(policy, BatchPolicy) and not watch:
-        played = _play_together(policy, course, seeds, options)
+        played = _play_together(policy, course, numbers, rules)
     else:
-        env = MiniGolfEnv(course, "human" if watch else None, **options)
-        bar = tqdm(seeds, f"{name} plays", leave=False, disable=quiet or None)
-        played = [play_episode(env, policy, seed) for seed in bar]
+        env = MiniGolfEnv(course, "human" if watch else None, **rules)
+        bar = tqdm(numbers, f"{name} plays", leave=False, disable=quiet or None)
+        played = [play_episode(env, policy, number, _options(course, number)) for number in bar]
         env.close()
     strokes, holed = (np.array(column) for column in zip(*played, strict=True))
     aces = int((holed & (strokes == 1)).sum())
@@ -104,6 +110,7 @@ def evaluate(
         policy=name,
         sha256=getattr(policy, "sha256", None),
         course=course,
+        difficulty=difficulty,
         episodes=episodes,
         first_seed=first_seed,
         max_strokes=max_strokes,
@@ -117,12 +124,18 @@ def evaluate(
     )
 
 
-def _play_together(policy: BatchPolicy, course: str, seeds: Sequence[int], options: dict[str, Any]) -> list[Played]:
+def _play_together(policy: BatchPolicy, course: str, numbers: Sequence[int], rules: dict[str, Any]) -> list[Played]:
     played: list[Played] = []
-    for i in range(0, len(seeds), BATCH):
-        batch = seeds[i : i + BATCH]
-        played += play_together(MiniGolfVectorEnv(len(batch), course, **options), policy, batch[0])
+    for i in range(0, len(numbers), BATCH):
+        batch = numbers[i : i + BATCH]
+        envs = MiniGolfVectorEnv(len(batch), course, **rules)
+        played += play_together(envs, policy, batch[0], _options(course, list(batch)))
     return played
+
+
+def _options(course: str, numbers: int | list[int]) -> dict[str, Any] | None:
+    """Return a reset's options that choose the levels, on a course of levels."""
+    return {"level": numbers} if course == PROCEDURAL else None
 
 
 def print_scores(scores: Sequence[Score]) -> None:
