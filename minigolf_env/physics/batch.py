@@ -77,6 +77,8 @@ def check_clear(scenes: Sequence[Scene], p: FloatArray, scales: float | FloatArr
     """Raise a ValueError for the first ball, of centres (3,) or (N, 3), that intersects a mesh; scales () or (N,)."""
     centres = p.reshape(-1, 3)
     clearances = clearance_rows(scenes, centres)
+    if (clearances >= -2.0 * TOLERANCE * scales).all():  # Coordinates beyond the scale only widen the tolerance.
+        return
     deep = clearances < -2.0 * TOLERANCE * np.maximum(scales, np.abs(centres).max(axis=1, initial=0.0))
     if deep.any():
         i = int(deep.argmax())

@@ -1,5 +1,9 @@
 """What holds whatever the room: no penetration, no escape, no endless step, no NaN, the same bits in a batch."""
 
+import os
+import subprocess
+import sys
+
 import numba
 import numpy as np
 import pytest
@@ -107,6 +111,25 @@ def test_batch_is_the_loop_whatever_the_threads(count: int) -> None:
     finally:
         numba.set_num_threads(threads)
     assert len(starts) == count
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
+def test_a_forked_child_starts_threads_of_its_own() -> None:
+    """The threads that are kept do not survive a fork; the child gets the same bits all the same."""
+    code = """
+import os, numba, numpy as np
+from minigolf_env.courses import load_course
+numba.set_num_threads(numba.config.NUMBA_NUM_THREADS)
+world, rng = load_course("room").world(), np.random.default_rng(0)
+starts, ways = np.tile([0.0, 0.0, 0.5], (200, 1)), rng.normal(size=(200, 3))
+before = world.simulate_batch(starts, ways).position
+child = os.fork()
+if child == 0:
+    os._exit(0 if (world.simulate_batch(starts, ways).position == before).all() else 1)
+print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+"""
+    done = subprocess.run([sys.executable, "-W", "ignore", "-c", code], capture_output=True, text=True, timeout=120)
+    assert done.stdout == "0\n", done.stderr
 
 
 def test_runs_do_not_disturb_each_other() -> None:
