@@ -88,6 +88,7 @@ class Attributes(gym.vector.VectorEnv[Observations, Actions, NDArray[Any]]):
         """
         if name != "np_random":
             raise AttributeError(f"name: expected 'np_random', received {name!r}; make a new batch for other options.")
+        self._require_balls()
         rngs = one_each(values, self.num_envs, name)
         kinds = {type(getattr(rng, "bit_generator", rng)) for rng in rngs}
         if kinds != {np.random.PCG64} or len(set(map(id, rngs))) < self.num_envs:

@@ -216,7 +216,7 @@ class MiniGolfVectorEnv(Attributes):
         observations[rows] = self._observe(rows)
         for field, value in zip(last, (TEE, 0.0, 0), strict=True):
             field[rows] = value
-        begun = self._info(tuple(field.copy() for field in last))
+        begun = self._info(last)
         ends = {"final_obs": final_obs, "final_info": final_info}
         return observations, begun | ends | {f"_{key}": ended.copy() for key in ends}
 
