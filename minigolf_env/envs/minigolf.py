@@ -10,7 +10,7 @@ from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
 from minigolf_env.courses import Course
-from minigolf_env.envs.options import check_actions, check_lie, make_setup
+from minigolf_env.envs.options import check_actions, check_lie, make_setup, require_lie
 from minigolf_env.envs.state import read_state, state_of
 from minigolf_env.envs.task import FloatArray, Outcome, Result, action_space
 from minigolf_env.rendering import FPS, RENDER_MODES, Screen, Stage
@@ -187,6 +187,8 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
             ValueError: the ball would not lie in free space within the bounds, or a value is not what it should be.
         """
         episode = read_state(state, self._tasks, self.task)
+        if not episode.over:
+            require_lie(episode.task, episode.position)
         if episode.np_random is not None:
             self.np_random.bit_generator.state = episode.np_random
         self.task, self._position, self._strokes, self._over = episode[:4]

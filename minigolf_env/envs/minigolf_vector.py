@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from minigolf_env.courses import Course
 from minigolf_env.envs.attributes import Attributes, Observations
 from minigolf_env.envs.options import check_actions, check_autoreset, check_mask, make_setup, one_each
-from minigolf_env.envs.state import read_state, state_of
+from minigolf_env.envs.state import check_lies, naming_state, read_state, state_of
 from minigolf_env.envs.task import FloatArray, Game, Outcome, Result, Task, action_space, of_rows, together
 from minigolf_env.rendering import FPS, Screen, Stage
 
@@ -184,14 +184,11 @@ class MiniGolfVectorEnv(Attributes):
         """
         episodes = []
         for i, state in enumerate(one_each(states, self.num_envs, "states")):
-            try:
+            with naming_state(i):
                 episodes.append(read_state(state, self._tasks, self._holes[i]))
-            except ValueError as error:
-                raise ValueError(f"state {i}: {error}") from error
-            if episodes[i].over and self.autoreset_mode == AutoresetMode.SAME_STEP:
-                raise ValueError(
-                    f"state {i}: expected an episode that goes on, received one that is over; reset first."
-                )
+                if episodes[i].over and self.autoreset_mode == AutoresetMode.SAME_STEP:
+                    raise ValueError("over: expected an episode that goes on, as autoreset 'SameStep' has them all.")
+        check_lies(episodes)
         if len(self._rngs) == 0:
             self._seed(None, self._all)
         holes, positions, self._strokes[:], self._over[:], randoms = zip(*episodes, strict=True)

@@ -143,14 +143,21 @@ def check_actions(actions: ArrayLike, shape: tuple[int | None, ...]) -> FloatArr
 
 def check_lie(task: Task, position: ArrayLike) -> FloatArray:
     """Return a ball's centre (3,) as an array if the ball can lie there, or raise a ValueError."""
-    ball = task.world.require_free(finite_array(position, (3,), "position", LIE))
+    ball = finite_array(position, (3,), "position", LIE)
+    require_lie(task, ball)
+    return ball
+
+
+def require_lie(task: Task, balls: FloatArray) -> None:
+    """Raise a ValueError unless balls (3,) or (N, 3) can lie there: in free space within the bounds."""
+    task.world.require_free(balls)
     lower, upper = np.asarray(task.course.bounds)
-    if not ((lower <= ball) & (ball <= upper)).all():
+    outside = ((balls < lower) | (balls > upper)).any(axis=-1)
+    if outside.any():
         raise ValueError(
             f"position: expected a place within the course's bounds {lower.tolist()} to {upper.tolist()}, "
-            f"received {ball.tolist()}; the ball would be out of bounds."
+            f"received {balls[outside].reshape(-1, 3)[0].tolist()}; the ball would be out of bounds."
         )
-    return ball
 
 
 def check_autoreset(mode: str | AutoresetMode) -> AutoresetMode:

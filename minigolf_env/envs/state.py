@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from minigolf_env.envs.levels import Tasks
-from minigolf_env.envs.options import LIE, check_lie
+from minigolf_env.envs.options import LIE, require_lie
 from minigolf_env.envs.task import FloatArray, Task
 from minigolf_env.physics.checks import finite_array
 
@@ -37,10 +39,10 @@ def state_of(task: Task, position: FloatArray, strokes: int, over: bool, rng: np
 
 
 def read_state(state: Any, tasks: Tasks, task: Task) -> Episode:
-    """Return the episode of a state; without a "level" it is played on ``task``.
+    """Return the episode of a state; without a "level" it is played on ``task``. See ``check_lies``.
 
     Raises:
-        ValueError: the ball would not lie in free space within the bounds, or a value is not what it should be.
+        ValueError: a value is not what it should be.
     """
     known = {"position", "strokes", "over", "np_random", "level"}
     if not isinstance(state, dict) or "position" not in state or not known.issuperset(state):
@@ -48,8 +50,7 @@ def read_state(state: Any, tasks: Tasks, task: Task) -> Episode:
         raise ValueError(f"state: expected 'position' and what get_state() returns, received {received}.")
     over = bool(state.get("over", False))
     task = tasks.level(state["level"]) if "level" in state else task
-    place, strokes = state["position"], state.get("strokes", 0)
-    position = finite_array(place, (3,), "position", LIE) if over else check_lie(task, place)
+    position, strokes = finite_array(state["position"], (3,), "position", LIE), state.get("strokes", 0)
     if not (isinstance(strokes, (int, np.integer)) and 0 <= strokes <= task.max_strokes):
         raise ValueError(f"strokes: expected an integer from 0 to {task.max_strokes}, received {strokes!r}.")
     generator: Any = state.get("np_random")
@@ -59,3 +60,26 @@ def read_state(state: Any, tasks: Tasks, task: Task) -> Episode:
         except (KeyError, OverflowError, TypeError, ValueError) as error:
             raise ValueError(f"np_random: expected a state of numpy's PCG64 generator; {error}") from error
     return Episode(task, position, int(strokes), over, generator)
+
+
+def check_lies(episodes: Sequence[Episode]) -> None:
+    """Raise a ValueError unless the balls of all episodes that are not over lie in free space within the bounds."""
+    playing = [i for i, episode in enumerate(episodes) if not episode.over]
+    holes = {episodes[i].task.world: episodes[i].task for i in playing}
+    try:
+        for world, task in holes.items():  # All balls of a world at once take a fraction of the time.
+            require_lie(task, np.array([episodes[i].position for i in playing if episodes[i].task.world is world]))
+    except ValueError:
+        for i in playing:
+            with naming_state(i):
+                require_lie(episodes[i].task, episodes[i].position)
+        raise
+
+
+@contextmanager
+def naming_state(i: int) -> Iterator[None]:
+    """Let a ValueError say which of several states it is about."""
+    try:
+        yield
+    except ValueError as error:
+        raise ValueError(f"state {i}: {error}") from error

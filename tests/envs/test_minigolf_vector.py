@@ -114,9 +114,11 @@ GOOD = {"position": (0.4, 0.5, 0.1)}
         ("abc", "states: expected 3"),
         ([GOOD, GOOD, "left"], "state 2: state: expected 'position'"),
         ([GOOD, {"position": (0.4, 0.5, -0.1)}, GOOD], "state 1: position: expected a ball in"),
+        ([GOOD, GOOD, {"position": (9.0, 9.0, 0.1)}], "state 2: position: expected a place within"),
+        ([GOOD, {"position": (0.4, 0.5)}, GOOD], "state 1: position: expected shape"),
         ([GOOD, GOOD, GOOD | {"strokes": 99}], "state 2: strokes"),
         ([GOOD, GOOD, GOOD | {"np_random": {"state": 1}}], "state 2: np_random"),
-        ([GOOD, GOOD | {"over": True}, GOOD], "state 1: expected an episode that goes on"),
+        ([GOOD, GOOD | {"over": True}, GOOD], "state 1: over: expected an episode that goes on"),
         ([GOOD, GOOD | {"level": 3}, GOOD], "state 1: level: expected none"),
     ],
 )
