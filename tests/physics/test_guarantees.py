@@ -113,6 +113,24 @@ def test_batch_is_the_loop_whatever_the_threads(count: int) -> None:
     assert len(starts) == count
 
 
+def test_a_ball_is_refused_exactly_where_its_clearance_says_so() -> None:
+    """The quick look at whether balls are clear agrees with their distances, down to the tolerance itself."""
+    world = World([mesh(room(2.0)), mesh(box([-0.5, -0.5, 0.0], [0.5, 0.5, 0.3]))])
+    tolerance = 1e-12 * world.scale
+    for depth in (-1e-3, 0.0, 0.4 * tolerance, 0.9 * tolerance, 1.1 * tolerance, 2.0 * tolerance, 1e-6, 0.02):
+        lie = np.array([0.1, 0.2, 0.3 + world.ball_radius - depth])
+        refused = world.clearance(lie) < -tolerance
+        assert refused == (depth > tolerance)
+        for count in (1, 100):
+            starts = np.tile([0.9, 0.9, 1.0], (count, 1))
+            starts[-1] = lie
+            if refused:
+                with pytest.raises(ValueError, match=f"position {count - 1}: expected a ball in free space"):
+                    world.simulate_batch(starts, np.zeros((count, 3)), max_time=0.01)
+            else:
+                world.simulate_batch(starts, np.zeros((count, 3)), max_time=0.01)
+
+
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
 def test_a_forked_child_starts_threads_of_its_own() -> None:
     """The threads that are kept do not survive a fork; the child gets the same bits all the same."""
