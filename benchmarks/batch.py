@@ -60,6 +60,8 @@ class Cost(NamedTuple):
     """Its putts in simulate_batch, median."""
     ratio: float
     """Of step and putts, the median of all rounds."""
+    own: float
+    """Their difference, the median of all rounds."""
 
 
 def steps(args: Args, idle: bool, **options: Any) -> Cost:
@@ -75,9 +77,9 @@ def steps(args: Args, idle: bool, **options: Any) -> Cost:
         velocities, world = envs.game.launch(putts), envs.game.world
         alone = seconds(lambda: world.simulate_batch(starts, velocities, MAX_TIME))  # noqa: B023 (called at once)
         whole = seconds(lambda: envs.step(putts))  # noqa: B023
-        times.append((whole, alone, whole / alone))
-    whole, alone, ratio = (statistics.median(column) for column in zip(*times, strict=True))
-    return Cost(whole, min(times)[0], alone, ratio)
+        times.append((whole, alone, whole / alone, whole - alone))
+    whole, alone, ratio, own = (statistics.median(column) for column in zip(*times, strict=True))
+    return Cost(whole, min(times)[0], alone, ratio, own)
 
 
 def beside_the_physics(args: Args) -> None:
@@ -94,7 +96,7 @@ def beside_the_physics(args: Args) -> None:
     for name, (idle, options) in kinds.items():
         cost = steps(args, idle, autoreset_mode="SameStep", **options)
         rates = [short(args.envs / value) for value in cost[:3]]
-        rows.append([name, *rates, f"{cost.ratio:.2f}", f"{(cost.whole - cost.alone) / args.envs * 1e6:.2f}"])
+        rows.append([name, *rates, f"{cost.ratio:.2f}", f"{cost.own / args.envs * 1e6:.2f}"])
     print_table(["step", "steps/s", "at best", "putts alone/s", "ratio", "own, us a putt"], rows)
 
 
