@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import cast
+from typing import Any, cast
 
 import torch
 import tyro
@@ -72,10 +72,10 @@ class Annealing(BaseCallback):
         self.log_std.data.fill_(self.start + share * (self.end - self.start))
 
 
-def build(args: Args, envs: VecMonitor) -> PPO:
+def build(args: Args, envs: VecMonitor, policy: str = "MlpPolicy", **policy_kwargs: Any) -> PPO:
     """Return a new learner."""
     return PPO(
-        "CnnPolicy" if args.observation == "pixels" else "MlpPolicy",
+        policy,
         envs,
         learning_rate=LinearSchedule(args.learning_rate, 0.0, 1.0),
         n_steps=args.n_steps,
@@ -85,7 +85,7 @@ def build(args: Args, envs: VecMonitor) -> PPO:
         gamma=args.gamma,
         gae_lambda=args.gae_lambda,
         clip_range=args.clip_range,
-        policy_kwargs={"net_arch": list(args.hidden), "activation_fn": ACTIVATIONS[args.activation]},
+        policy_kwargs={"net_arch": list(args.hidden), "activation_fn": ACTIVATIONS[args.activation], **policy_kwargs},
         seed=args.seed,
         device="cpu",
     )

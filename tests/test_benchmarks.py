@@ -10,7 +10,7 @@ import numba
 import numpy as np
 import pytest
 
-from benchmarks import exactness, search, speed
+from benchmarks import batch, exactness, search, speed
 from benchmarks.energy_figure import draw, spread
 from benchmarks.peers import PEERS, load_peers
 from benchmarks.peers.engine import Minigolf
@@ -68,6 +68,14 @@ def test_exactness_measures_contacts_to_rounding() -> None:
     """Sweeps to the walls of the room end where the closed form says."""
     late = exactness.lateness(Minigolf, exactness.Args(sweeps=200))
     assert late is not None and late < 1e-13
+
+
+def test_the_batch_is_measured_beside_its_putts(capsys: pytest.CaptureFixture[str]) -> None:
+    """A row for each kind of step, of stable-baselines3's side, and of states; memory takes other processes."""
+    args = batch.Args(envs=3, rounds=1)
+    for table in (batch.beside_the_physics, batch.beside_the_batch, batch.states):
+        table(args)
+    assert sum(line.startswith("| ") for line in capsys.readouterr().out.splitlines()) == 6 + 3 + 3 + 3 * 2
 
 
 def test_a_missing_engine_is_left_out_with_a_word(
