@@ -24,6 +24,7 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback, ProgressBarCallback
 from stable_baselines3.common.vec_env import VecMonitor
 
+from agents.facing_vec_env import FacingVecEnv
 from agents.sb3_vec_env import SB3VecEnv
 from minigolf_env import evaluation
 from minigolf_env.policies import PredictPolicy, load_policy
@@ -43,6 +44,8 @@ class Run:
     """Levels to train on, from level 0 on; checkpoints are scored on others."""
     observation: str = "state"
     """What the agent sees: state, rays or pixels."""
+    facing: bool = False
+    """Whether it sees rays, and putts, as if the cup were straight ahead."""
     putt_noise: tuple[float, float] = (0.0, 0.0)
     """Standard deviations of a putt's direction (degrees) and speed (share of it), in training and scores."""
 
@@ -116,7 +119,8 @@ def train(args: Args, build: Build[Args], callbacks: Sequence[BaseCallback], fol
         num_levels=args.num_levels,
         **args.game,
     )
-    monitored = VecMonitor(SB3VecEnv(envs))
+    adapted = SB3VecEnv(envs)
+    monitored = VecMonitor(FacingVecEnv(adapted) if args.facing else adapted)
     model = build(args, monitored)
     model.tensorboard_log = str(folder)
     resume = (folder / "checkpoint.zip").is_file()

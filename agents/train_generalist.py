@@ -23,6 +23,7 @@ class Args(train_ppo.Args):
     difficulty: str | None = "easy"
     num_levels: int | None = 500
     observation: str = "rays"
+    facing: bool = True
     putts: int = 3_000_000
     check_every: int = 250_000
     check_episodes: int = 200

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 
 from minigolf_env.envs import MiniGolfEnv
 from minigolf_env.envs.observations import OBSERVERS
+from minigolf_env.facing import VIEW, face_cup, turn
 from minigolf_env.network import read_network
 from minigolf_env.physics.checks import one_of
 from minigolf_env.planning import search
@@ -87,7 +89,9 @@ class ModelPolicy:
 
     def __init__(self, path: str | Path) -> None:
         self.network = read_network(path)
-        self.observation = _kind((self.network.inputs,))
+        facing = self.network.inputs == VIEW
+        self.observation = "rays" if facing else _kind((self.network.inputs,))
+        self._play = _facing_cup(self.network) if facing else self.network
         self.sha256 = _sha256(Path(path))
         """Of the file."""
 
@@ -97,7 +101,7 @@ class ModelPolicy:
 
     def act_many(self, observations: NDArray[Any]) -> Action:
         """Return the means (N, 2): each has the bits of ``act``."""
-        return self.network(observations)
+        return self._play(observations)
 
 
 class PredictPolicy:
@@ -114,6 +118,7 @@ class PredictPolicy:
     def __init__(self, model: Any, observation: str) -> None:
         self.observation = one_of(observation, tuple(OBSERVERS), "observation")
         self._model = model
+        self._play = _facing_cup(self._predict) if model.observation_space.shape == (VIEW,) else self._predict
 
     def act(self, observation: NDArray[Any], env: MiniGolfEnv) -> Action:
         """Return what the model finds best (2,)."""
@@ -121,6 +126,9 @@ class PredictPolicy:
 
     def act_many(self, observations: NDArray[Any]) -> Action:
         """Return what the model finds best (N, 2)."""
+        return self._play(observations)
+
+    def _predict(self, observations: NDArray[Any]) -> Action:
         return np.asarray(self._model.predict(observations, deterministic=True)[0], dtype=np.float32)
 
 
@@ -154,6 +162,16 @@ def _shipped() -> ModelPolicy:
 
 def _sha256(path: Path) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def _facing_cup(play: Callable[[NDArray[Any]], Action]) -> Callable[[NDArray[Any]], Action]:
+    """Return a player of "rays" from one that learned from their view with the cup ahead."""
+
+    def faced(observations: NDArray[Any]) -> Action:
+        views, ahead = face_cup(observations)
+        return turn(play(views), ahead)
+
+    return faced
 
 
 def _kind(shape: tuple[int, ...]) -> str:

@@ -38,9 +38,10 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
     | 8 | square root of the horizontal distance to the cup, which the speed it takes goes with | 1 is the diagonal |
     | 9 | strokes left | 1 at the tee, 0 after the last |
 
-    With ``observation="rays"`` it is ``Box(-1, 1, (45,), float32)``: these numbers; the way that the ball has free in
+    With ``observation="rays"`` it is ``Box(-1, 1, (48,), float32)``: these numbers; the way that the ball has free in
     32 horizontal directions, the first along x, counter-clockwise, 1 is 4 m or more; how far below it the ground is, 1
-    is 0.5 m or more; and the slope of the ground along x and y.
+    is 0.5 m or more; the slope of the ground along x and y; and, in the same scale on every hole, numbers 6 and 7, 1 is
+    8 m or more, and the cup's height above the ball, m.
 
     With ``observation="pixels"`` it is ``Box(0, 255, (84, 84, 3), uint8)``: the course from above, x to the right and y
     up, the ball drawn large enough to be seen; the white share of the lowest two rows is the share of strokes left.
