@@ -16,6 +16,7 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
+from minigolf_env.envs import in_turn
 from minigolf_env.policies import Policy, load_policy
 from minigolf_env.scoring import mean_interval, play_episode, share_with_interval, wilson, with_interval
 
@@ -27,6 +28,7 @@ class Args:
     policy: str = "search"
     """random, search, or a model's .zip file."""
     course: str = "dogleg"
+    """A hole, "procedural", or "round": its holes in turn."""
     episodes: int = 100
     first_seed: int = 1_000_000
     """Episode i is seeded first_seed + i: far from the seeds that training uses."""
@@ -62,8 +64,8 @@ def evaluate(policy: Policy, name: str, args: Args, quiet: bool = False) -> Scor
     )
     seeds = range(args.first_seed, args.first_seed + args.episodes)
     played = [
-        play_episode(env, policy, seed)
-        for seed in track(seeds, f"{name} plays {args.episodes} episodes", disable=quiet, transient=True)
+        play_episode(env, policy, seed, in_turn(args.course, k))
+        for k, seed in enumerate(track(seeds, f"{name} plays {args.episodes} episodes", disable=quiet, transient=True))
     ]
     env.close()
     strokes = np.array([s for s, _ in played], dtype=np.float64)

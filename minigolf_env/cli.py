@@ -33,7 +33,7 @@ def play(
     """Play minigolf with the mouse or the keyboard.
 
     Args:
-        course: a hole, or "room" to throw a ball in three dimensions.
+        course: a hole, "round" for the nine of a round, or "room" to throw a ball in three dimensions.
         opponent: plays against you: "search", "random" or a model's .zip file.
         size: of the window, pixels.
         profile: "high", "fast" or "auto".
@@ -56,13 +56,13 @@ def video(
     fps: int = 30,
     profile: str = "high",
 ) -> None:
-    """Film a policy that plays a hole.
+    """Film a policy that plays a hole, or a round.
 
     Args:
         output: the file to write, .mp4 or .gif.
-        course: the hole.
+        course: the hole, or "round" for nine in turn.
         policy: "search", "random" or a model's .zip file.
-        episodes: how often the hole is played.
+        episodes: how many to play: 9 are a whole round.
         seed: of the environment and the random policy.
         camera: "follow", "top", "tee" or "orbit".
         size: width and height, pixels.

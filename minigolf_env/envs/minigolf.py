@@ -56,6 +56,10 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
     With ``course="procedural"`` every episode is played on a level drawn from a set: ``num_levels`` of them from
     ``start_level`` on. Levels outside the set are for tests. ``reset(options={"level": 17})`` plays any level.
 
+    With ``course="round"`` the nine holes of ``minigolf_env.courses.NINE`` are played in turn, an episode each, then
+    the first again. A reset with a seed begins with the first; ``reset(options={"hole": 3})`` plays the third, and goes
+    on from there.
+
     ## End
     ``terminated`` when the ball is in the cup, and after ``max_strokes`` (a rule of the game: the strokes left are
     observed). ``truncated`` is always False. The cup is a hole in the floor's mesh; the ball is holed when it rests in
@@ -65,10 +69,12 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
     ## Info
     ``strokes`` (int) of the episode, ``is_success`` (bool) whether the ball is holed, ``status`` (str) of the last
     stroke: "tee", "rest", "holed", "out_of_bounds" or "time_limit", ``shot_time`` (float, s) and ``bounces`` (int) of
-    the last stroke, ``course`` (str), and on levels ``level`` (int).
+    the last stroke, ``course`` (str), on levels ``level`` (int), and on a round ``hole`` (int), from 1 on. The par of
+    what was played is ``minigolf_env.courses.par_of(info["course"])``.
 
     ## Arguments
-    course: a name of ``minigolf_env.courses.list_courses()``; a course file; "procedural"; or a Course with a cup.
+    course: a name of ``minigolf_env.courses.list_courses()``; a course file; "round"; "procedural"; or a Course
+        with a cup.
     difficulty: of the levels, "easy" (default), "medium" or "hard"; these three go with "procedural" only.
     start_level: the first level of the set, 0 by default.
     num_levels: levels in the set, 500 by default; 0: all there are, 2**31.
@@ -122,19 +128,22 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
     ) -> tuple[Observation, dict[str, Any]]:
         """Put the ball on the tee, or at ``options["position"]`` (3,), m; return (observation, info).
 
-        ``options["level"]`` is the number of the level to play, of the training set or not.
+        ``options["level"]`` is the number of the level to play, of the training set or not; of a round it is
+        ``options["hole"]``.
         """
         given = dict(options or {})
-        level, position = given.pop("level", None), given.pop("position", None)
+        key = self._tasks.key
+        level, position = given.pop(key, None), given.pop("position", None)
         if given:
-            raise ValueError(f"options: expected only 'level' and 'position', received {sorted(given)} as well.")
+            raise ValueError(f"options: expected only '{key}' and 'position', received {sorted(given)} as well.")
         if position is not None and level is None and self._tasks.has_levels:
-            raise ValueError("position: expected with a 'level', received none; it is a place on one level.")
+            raise ValueError(f"position: expected with a '{key}', received none; it is a place on one {key}.")
         task = None if level is None else self._tasks.level(level)
         if position is not None:
             position = check_lie(task or self.task, position)
         super().reset(seed=seed)
-        self.task = task or self._tasks.draw(self.np_random)
+        last = None if seed is not None or self._position is None else self.task
+        self.task = task or self._tasks.draw(self.np_random, last)
         if position is None:
             position = self.task.tee_off(self.np_random)
         self._position, self._strokes, self._over = position, 0, False
@@ -189,11 +198,12 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
         Raises:
             ValueError: the ball would not lie in free space within the bounds, or a value is not what it should be.
         """
-        unknown = set(state) - {"position", "strokes", "over", "np_random", "level"}
+        key = self._tasks.key
+        unknown = set(state) - {"position", "strokes", "over", "np_random", key}
         if unknown or "position" not in state:
             raise ValueError(f"state: expected 'position' and what get_state() returns, received {sorted(state)}.")
         over = bool(state.get("over", False))
-        task = self._tasks.level(state["level"]) if "level" in state else self.task
+        task = self._tasks.level(state[key]) if key in state else self.task
         position = np.array(state["position"], dtype=np.float64) if over else check_lie(task, state["position"])
         strokes = state.get("strokes", 0)
         if not (isinstance(strokes, (int, np.integer)) and 0 <= strokes <= self.task.max_strokes):
@@ -228,8 +238,8 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
         }
 
     def _level(self) -> dict[str, int]:
-        """Return the level's number by its key; nothing on a course without levels."""
-        return {} if self.task.level is None else {"level": self.task.level}
+        """Return the number of the level or hole by its key; nothing on a course without."""
+        return {} if self.task.level is None else {self._tasks.key: self.task.level}
 
     def _stage(self) -> Stage:
         return Stage(self.task.course, self.task.trace)

@@ -26,7 +26,8 @@ class MiniGolfVectorEnv(gym.vector.VectorEnv[Observations, Actions, NDArray[Any]
 
     Spaces, rewards and infos are MiniGolfEnv's with a leading axis (N,). Environment i gives the same bits as a single
     environment seeded with seed + i, whatever N and the number of threads. Every array returned is new. With
-    course="procedural" each environment plays a level of its own, all by the same compiled kernels.
+    course="procedural" each environment plays a level of its own, all by the same compiled kernels, with course="round"
+    a round of its own.
 
     Args:
         num_envs: N >= 1.
@@ -83,16 +84,18 @@ class MiniGolfVectorEnv(gym.vector.VectorEnv[Observations, Actions, NDArray[Any]
     ) -> tuple[Observations, dict[str, Any]]:
         """Start new episodes in all environments, or in those of ``options["reset_mask"]`` (N,), bool.
 
-        ``options["level"]`` is the number of the level that all play, or N numbers.
+        ``options["level"]`` is the number of the level that all play, or N numbers; of a round, ``options["hole"]``.
         """
         given = dict(options or {})
         mask = _mask(given.pop("reset_mask", None), self.num_envs)
-        holes = self._chosen(given.pop("level", None), mask)
+        key = self._tasks.key
+        holes = self._chosen(given.pop(key, None), mask)
         if given:
-            raise ValueError(f"options: expected only 'level' and 'reset_mask', received {sorted(given)} as well.")
+            raise ValueError(f"options: expected only '{key}' and 'reset_mask', received {sorted(given)} as well.")
         if not self._rngs and not mask.all():
             raise ResetNeeded("Reset all environments before some of them.")
-        self._seed(seed, mask)
+        for i in self._seed(seed, mask):
+            holes[i] = holes[i] if i in holes else self._tasks.draw(self._rngs[i], None)
         self._tee_off(mask, holes)
         status = np.full(self.num_envs, "tee", dtype=object)
         return self._observe(), self._info(status, np.zeros(self.num_envs), np.zeros(self.num_envs, np.int64))
@@ -159,7 +162,8 @@ class MiniGolfVectorEnv(gym.vector.VectorEnv[Observations, Actions, NDArray[Any]
         info |= {"final_obs": final_obs, "_final_obs": ended.copy()}
         return info | {"final_info": final_info, "_final_info": ended.copy()}
 
-    def _seed(self, seed: int | list[int | None] | None, mask: Flags) -> None:
+    def _seed(self, seed: int | list[int | None] | None, mask: Flags) -> list[int]:
+        """Seed the environments that a mask and seeds name; return which these are."""
         if isinstance(seed, int):
             seeds: list[int | None] = [seed + i for i in range(self.num_envs)]
         else:
@@ -169,9 +173,10 @@ class MiniGolfVectorEnv(gym.vector.VectorEnv[Observations, Actions, NDArray[Any]
         fresh = not self._rngs
         if fresh:
             self._rngs = [np.random.Generator(np.random.PCG64(0))] * self.num_envs
-        for i in np.flatnonzero(mask):
-            if fresh or seeds[i] is not None:
-                self._rngs[i], _ = gym.utils.seeding.np_random(seeds[i])
+        seeded = [i for i in np.flatnonzero(mask).tolist() if fresh or seeds[i] is not None]
+        for i in seeded:
+            self._rngs[i], _ = gym.utils.seeding.np_random(seeds[i])
+        return seeded
 
     def _chosen(self, level: Any, mask: Flags) -> dict[int, Task]:
         """Return the holes of chosen levels, by environment; none where no level is."""
@@ -179,13 +184,13 @@ class MiniGolfVectorEnv(gym.vector.VectorEnv[Observations, Actions, NDArray[Any]
             return {}
         levels = [level] * self.num_envs if np.ndim(level) == 0 else list(level)
         if len(levels) != self.num_envs:
-            raise ValueError(f"level: expected one number or {self.num_envs}, received {len(levels)}.")
+            raise ValueError(f"{self._tasks.key}: expected one number or {self.num_envs}, received {len(levels)}.")
         return {int(i): self._tasks.level(levels[i]) for i in np.flatnonzero(mask)}
 
     def _tee_off(self, mask: Flags, holes: dict[int, Task], keep_last: bool = False) -> None:
         """Begin episodes, each on its hole of ``holes``, or on one that is drawn."""
         for i in np.flatnonzero(mask).tolist():
-            hole = self._holes[i] = holes[i] if i in holes else self._tasks.draw(self._rngs[i])
+            hole = self._holes[i] = holes[i] if i in holes else self._tasks.draw(self._rngs[i], self._holes[i])
             self._positions[i] = hole.tee_off(self._rngs[i])
             if self.screens:
                 self.screens[i].put(self._positions[i].copy(), Stage(hole.course, hole.trace), keep_last)
@@ -207,7 +212,7 @@ class MiniGolfVectorEnv(gym.vector.VectorEnv[Observations, Actions, NDArray[Any]
             "course": np.array([hole.course.name for hole in self._holes], dtype=object),
         }
         if self._tasks.has_levels:
-            info["level"] = np.array([hole.level for hole in self._holes], dtype=np.int64)
+            info[self._tasks.key] = np.array([hole.level for hole in self._holes], dtype=np.int64)
         return info | {f"_{key}": np.ones(self.num_envs, np.bool_) for key in info}
 
 

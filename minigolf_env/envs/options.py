@@ -9,10 +9,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from minigolf_env.courses import Course, load_course
+from minigolf_env.courses import NINE, ROUND, Course, load_course
 from minigolf_env.courses.procedural import DIFFICULTIES, LEVELS_KEPT, PROCEDURAL, level_name
 from minigolf_env.envs.holes import Holes
-from minigolf_env.envs.levels import Levels, OneHole, Tasks
+from minigolf_env.envs.levels import Levels, OneHole, Round, Tasks
 from minigolf_env.envs.observations import OBSERVERS, Observer
 from minigolf_env.envs.task import REWARDS, FloatArray, Task
 from minigolf_env.physics import World
@@ -86,7 +86,7 @@ def make_tasks(
             raise ValueError(
                 f"{', '.join(given)}: expected with course={PROCEDURAL!r} only, received {given} with {course!r:.80}."
             )
-        return OneHole(make_task(course, **rules))
+        return _make_round(rules) if course == ROUND else OneHole(make_task(course, **rules))
     known = one_of(given.get("difficulty", DIFFICULTIES[0]), DIFFICULTIES, "difficulty")
     levels = Levels(
         functools.partial(_make_level, known, rules), given.get("start_level", 0), given.get("num_levels", 500)
@@ -149,6 +149,18 @@ def check_lie(task: Task, position: ArrayLike) -> FloatArray:
             f"received {ball.tolist()}; the ball would be out of bounds."
         )
     return ball
+
+
+def _make_round(rules: dict[str, Any]) -> Round:
+    """Return the round; what is wrong with the rules is said here, not at a later hole."""
+    nine = Round(functools.partial(_make_hole, rules), len(NINE))
+    for number in range(1, 1 + (1 if rules.get("cup_radius") is None else nine.number)):
+        nine.level(number)
+    return nine
+
+
+def _make_hole(rules: dict[str, Any], number: int) -> Task:
+    return make_task(NINE[number - 1], level=number, **rules)
 
 
 def _make_level(difficulty: str, rules: dict[str, Any], level: int) -> Task:

@@ -5,9 +5,11 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from agents import evaluate
+from minigolf_env.courses import NINE
 from minigolf_env.policies import load_policy
 
 
@@ -20,6 +22,15 @@ def test_fixed_seeds_give_the_same_score(tmp_path: Path) -> None:
     assert json.loads(file.read_text())["strokes"] == score.strokes
     assert 3.0 < score.strokes <= 10.0
     assert score.strokes_interval[0] < score.strokes < score.strokes_interval[1]
+
+
+def test_a_round_is_played_hole_by_hole() -> None:
+    """Though each episode is seeded: its strokes are those of the holes alone."""
+    holes = [evaluate.Args(course=name, episodes=1, first_seed=7 + k, max_strokes=2) for k, name in enumerate(NINE)]
+    whole = evaluate.Args(course="round", episodes=9, first_seed=7, max_strokes=2)
+    search = load_policy("search")
+    alone = [evaluate.evaluate(search, "search", args, quiet=True).strokes for args in holes]
+    assert evaluate.evaluate(search, "search", whole, quiet=True).strokes == np.mean(alone)
 
 
 @pytest.mark.parametrize(
