@@ -42,6 +42,14 @@ def test_the_round_in_the_docs_is_played() -> None:
     assert namespace["info"]["hole"] == 1 and namespace["over_par"] <= 9 * 10
 
 
+def test_the_split_in_the_docs_holds_levels_out() -> None:
+    """Training draws from its set, the test plays each level of another."""
+    (block,) = re.findall(r"```python\n(.*?)```", (DOCS / "levels.md").read_text(), flags=re.DOTALL)
+    namespace: dict[str, Any] = {}
+    exec(block.replace("1_000_200", "1_000_002"), namespace)  # noqa: S102
+    assert namespace["info"]["level"] == 1_000_001 and namespace["train"].reset()[1]["level"] < 500
+
+
 @pytest.mark.parametrize("name", list_courses())
 def test_each_hole_has_its_row_and_its_map(name: str) -> None:
     """Par, idea and hole in one as in its file."""
