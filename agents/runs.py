@@ -111,6 +111,7 @@ def run(args: Args, build: Build[Args], callbacks: Callable[[Args], Sequence[Bas
 def train(args: Args, build: Build[Args], callbacks: Sequence[BaseCallback], folder: Path) -> type[BaseAlgorithm]:
     """Learn until the putts are played, from the folder's checkpoint if it has one; return the algorithm's class."""
     torch.set_num_threads(1)  # The networks are tiny: a second thread mostly waits for the first, at full load.
+    torch.set_flush_denormal(True)  # Adam's moments of weights that no longer matter fade into slow numbers.
     envs = gym.make_vec(
         "minigolf_env:MiniGolf-v0",
         num_envs=args.num_envs,
