@@ -1,8 +1,8 @@
 """A training run: its folder, its checkpoints, and the table that ends it. Any algorithm of stable-baselines3 can run.
 
 The folder has args.json (the run's arguments), checkpoint.zip (the newest model), best.zip (the one that scored best on
-fixed episodes), progress.json, scores.json (the table) and TensorBoard's log. Files are written whole or not at all, so
-that a run killed at any moment goes on from its last checkpoint.
+fixed episodes), progress.json (the checkpoints' scores), scores.json (the table) and TensorBoard's log. Files are
+written whole or not at all, so that a run killed at any moment goes on from its last checkpoint.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ import torch
 from rich.console import Console
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback, ProgressBarCallback
-from stable_baselines3.common.vec_env import VecMonitor
+from stable_baselines3.common.vec_env import VecEnv, VecMonitor
 
 from agents.facing_vec_env import FacingVecEnv
 from agents.sb3_vec_env import SB3VecEnv
@@ -46,6 +46,8 @@ class Run:
     """What the agent sees: state, rays or pixels."""
     facing: bool = False
     """Whether it sees rays, and putts, as if the cup were straight ahead."""
+    reward: str = "shaped"
+    """What it learns from: shaped or strokes."""
     putt_noise: tuple[float, float] = (0.0, 0.0)
     """Standard deviations of a putt's direction (degrees) and speed (share of it), in training and scores."""
 
@@ -102,9 +104,10 @@ def run(args: Args, build: Build[Args], callbacks: Callable[[Args], Sequence[Bas
     learner = train(args, build, callbacks(args), folder)
     scores = final_table(args, learner, folder)
     evaluation.print_scores(scores)
-    model = folder / "best.zip"
-    CONSOLE.print(f"{time.monotonic() - began:.0f} s in all. Log: tensorboard --logdir {folder}")
-    CONSOLE.print(f"Watch it play: minigolf video --policy {model} --course {args.course} -o putt.mp4", soft_wrap=True)
+    CONSOLE.print(f"{time.monotonic() - began:.0f} s in all. Log: tensorboard --logdir {folder}", soft_wrap=True)
+    if args.observation != "pixels":  # Files of convolutional networks are read by stable-baselines3 alone.
+        words = f"minigolf video --policy {folder / 'best.zip'} --course {args.course} -o putt.mp4"
+        CONSOLE.print(f"Watch it play: {words}", soft_wrap=True)
     return scores
 
 
@@ -112,21 +115,12 @@ def train(args: Args, build: Build[Args], callbacks: Sequence[BaseCallback], fol
     """Learn until the putts are played, from the folder's checkpoint if it has one; return the algorithm's class."""
     torch.set_num_threads(1)  # The networks are tiny: a second thread mostly waits for the first, at full load.
     torch.set_flush_denormal(True)  # Adam's moments of weights that no longer matter fade into slow numbers.
-    envs = gym.make_vec(
-        "minigolf_env:MiniGolf-v0",
-        num_envs=args.num_envs,
-        autoreset_mode="SameStep",
-        observation=args.observation,
-        num_levels=args.num_levels,
-        **args.game,
-    )
-    adapted = SB3VecEnv(envs)
-    monitored = VecMonitor(FacingVecEnv(adapted) if args.facing else adapted)
-    model = build(args, monitored)
+    envs = make_envs(args)
+    model = build(args, envs)
     model.tensorboard_log = str(folder)
     resume = (folder / "checkpoint.zip").is_file()
     if resume:
-        model = type(model).load(folder / "checkpoint.zip", env=monitored, device=model.device)
+        model = type(model).load(folder / "checkpoint.zip", env=envs, device=model.device)
     checkpoints = Checkpoints(args, folder)
     try:
         # The numbers of putts add up over resumed runs, and so does the schedules' way down.
@@ -143,8 +137,24 @@ def train(args: Args, build: Build[Args], callbacks: Sequence[BaseCallback], fol
     except OSError as error:
         raise SystemExit(f"Could not save: {error}. The last checkpoint is whole. {_go_on(folder)}") from error
     finally:
-        monitored.close()
+        envs.close()
     return type(model)
+
+
+def make_envs(args: Run) -> VecMonitor:
+    """Return the native batch as stable-baselines3 wants it."""
+    envs: VecEnv = SB3VecEnv(
+        gym.make_vec(
+            "minigolf_env:MiniGolf-v0",
+            num_envs=args.num_envs,
+            autoreset_mode="SameStep",
+            observation=args.observation,
+            reward=args.reward,
+            num_levels=args.num_levels,
+            **args.game,
+        )
+    )
+    return VecMonitor(FacingVecEnv(envs) if args.facing else envs)
 
 
 class Checkpoints(BaseCallback):
@@ -154,7 +164,7 @@ class Checkpoints(BaseCallback):
         super().__init__()
         self.args, self.folder = args, folder
         progress = folder / "progress.json"
-        self.best = json.loads(progress.read_text())["best_strokes"] if progress.is_file() else float("inf")
+        self.history: list[dict[str, float]] = json.loads(progress.read_text()) if progress.is_file() else []
         self.saved_at = 0
 
     def _on_training_start(self) -> None:
@@ -180,17 +190,18 @@ class Checkpoints(BaseCallback):
             first_seed=args.check_seed,
             quiet=True,
         )
-        for name in ("strokes", "holed", "hole_in_one"):
-            self.logger.record(f"eval/{name}", getattr(score, name))
+        row = {name: getattr(score, name) for name in ("strokes", "holed", "hole_in_one")}
+        for name, value in row.items():
+            self.logger.record(f"eval/{name}", value)
         self.logger.dump(self.num_timesteps)
-        if score.strokes < self.best:
-            self.best = score.strokes
+        best = min((row["strokes"] for row in self.history), default=float("inf"))
+        if score.strokes < best:
             self.save("best.zip")
-        progress = {"putts": self.num_timesteps, "best_strokes": self.best}
-        write(self.folder / "progress.json", json.dumps(progress).encode())
+        self.history.append({"putts": self.num_timesteps, **row})
+        write(self.folder / "progress.json", json.dumps(self.history).encode())
         CONSOLE.print(
             f"{self.num_timesteps:>10,} putts: {score.strokes:.2f} strokes, {score.holed:.0%} holed, "
-            f"{score.hole_in_one:.0%} holes-in-one (best {self.best:.2f})"
+            f"{score.hole_in_one:.0%} holes-in-one (best {min(best, score.strokes):.2f})"
         )
 
     def save(self, name: str) -> None:
