@@ -51,7 +51,7 @@ class Run:
     putt_noise: tuple[float, float] = (0.0, 0.0)
     """Standard deviations of a putt's direction (degrees) and speed (share of it), in training and scores."""
 
-    putts: int = 500_000
+    putts: int = 400_000
     """Putts to learn from."""
     seed: int = 0
     """The same seed, arguments and machine give the same model, bit for bit."""
