@@ -41,7 +41,7 @@ def _number() -> int:
     elementwise functions would wait for threads that torch.set_num_threads(1) had ruled out: a tenth of the speed.
     """
     try:
-        numba.threading_layer()
+        numba.threading_layer()  # type: ignore[attr-defined]
     except ValueError:  # Not started, so that nobody has set a number either.
         return int(numba.config.NUMBA_NUM_THREADS)  # type: ignore[attr-defined]
     return int(numba.get_num_threads())
