@@ -9,7 +9,7 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import tyro
 
@@ -54,15 +54,19 @@ def command(args: TrainArgs) -> str:
 def main(args: Args) -> None:
     """Write the model and its card, and print its scores."""
     trained = read_args(TrainArgs, args.run)
-    args.output.parent.mkdir(exist_ok=True)
-    read_network(args.run / "best.zip").save(args.output)
-    size = args.output.stat().st_size
-    if size > LARGEST:
-        args.output.unlink()
-        raise SystemExit(f"model: expected at most {LARGEST:,} bytes, received {size:,}; train a smaller network.")
-    policy = ModelPolicy(args.output)
-    noises = ((0.0, 0.0), args.noise)
-    scores = [evaluate(policy, "ppo", trained.course, episodes=args.episodes, putt_noise=noise) for noise in noises]
+    args.output.parent.mkdir(parents=True, exist_ok=True)
+    beside = args.output.with_name(f".{args.output.name}")
+    try:
+        read_network(args.run / "best.zip").save(beside)
+        size = beside.stat().st_size
+        if size > LARGEST:
+            raise SystemExit(f"model: expected at most {LARGEST:,} bytes, received {size:,}; train a smaller network.")
+        policy = ModelPolicy(beside)
+        game: dict[str, Any] = {"course": trained.course, "difficulty": trained.difficulty, "episodes": args.episodes}
+        scores = [evaluate(policy, "ppo", **game, putt_noise=noise) for noise in ((0.0, 0.0), args.noise)]
+        beside.replace(args.output)  # The model that shipped before stays until here.
+    finally:
+        beside.unlink(missing_ok=True)
     for score in scores:
         print_scores([score])
     write_record(

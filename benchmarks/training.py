@@ -58,7 +58,7 @@ class Result:
     """One run."""
 
     seconds: float
-    """From the process's start to the last checkpoint, without the closing table."""
+    """From the process's start to its end, the closing table included."""
     score: dict[str, Any]
     """Of the best checkpoint, on episodes that did not choose it."""
     history: list[dict[str, float]]
@@ -71,7 +71,7 @@ def train(variant: str, seed: int, options: str) -> Result:
         folder, began = Path(temporary) / "run", time.perf_counter()
         words = [*VARIANTS[variant].split(), *options.split(), "--seed", str(seed), "--search-episodes", "0"]
         command = [sys.executable, "-m", "agents.train_ppo", "--out", str(folder), *words]
-        subprocess.run(command, cwd=ROOT, check=True, capture_output=True)
+        subprocess.run(command, cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
         total = time.perf_counter() - began
         history = json.loads((folder / "progress.json").read_text())
         closing = json.loads((folder / "scores.json").read_text())

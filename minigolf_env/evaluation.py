@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -9,9 +10,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from tqdm import tqdm
 
-from minigolf_env.courses.procedural import PROCEDURAL
+from minigolf_env.courses.procedural import DIFFICULTIES, PROCEDURAL
 from minigolf_env.envs import MiniGolfEnv, MiniGolfVectorEnv, in_turn
 from minigolf_env.envs.levels import Levels
+from minigolf_env.physics.checks import one_of
 from minigolf_env.policies import BatchPolicy, Policy
 from minigolf_env.scoring import (
     Interval,
@@ -93,7 +95,10 @@ def evaluate(
     if episodes < 1:
         raise ValueError(f"episodes: expected at least 1, received {episodes}.")
     rules: dict[str, Any] = {"observation": policy.observation, "max_strokes": max_strokes, "putt_noise": putt_noise}
+    if first_seed < 0:
+        raise ValueError(f"first_seed: expected at least 0, received {first_seed}.")
     if course == PROCEDURAL:
+        difficulty = one_of(DIFFICULTIES[0] if difficulty is None else difficulty, DIFFICULTIES, "difficulty")
         rules |= {"difficulty": difficulty, "tee": "fixed"}
     elif difficulty is not None:
         raise ValueError(f"difficulty: expected with course={PROCEDURAL!r} only, received {difficulty!r}.")
@@ -101,10 +106,9 @@ def evaluate(
     if isinstance(policy, BatchPolicy) and not watch:
         played = _play_together(policy, course, starts, rules)
     else:
-        env = MiniGolfEnv(course, "human" if watch else None, **rules)
         bar = tqdm(starts, f"{name} plays", leave=False, disable=quiet or None)
-        played = [play_episode(env, policy, *start) for start in bar]
-        env.close()
+        with contextlib.closing(MiniGolfEnv(course, "human" if watch else None, **rules)) as env:
+            played = [play_episode(env, policy, *start) for start in bar]
     strokes, holed = (np.array(column) for column in zip(*played, strict=True))
     aces = int((holed & (strokes == 1)).sum())
     return Score(
@@ -143,7 +147,9 @@ def _play_together(policy: BatchPolicy, course: str, starts: Sequence[_Start], r
     played: list[Played] = []
     for i in range(0, len(starts), BATCH):
         batch = starts[i : i + BATCH]
-        envs = MiniGolfVectorEnv(len(batch), course, **rules)
+        # Who has finished begins anew, without a count: on one level, not on others that would have to be made.
+        again: dict[str, Any] = {"start_level": batch[0].seed, "num_levels": 1} if course == PROCEDURAL else {}
+        envs = MiniGolfVectorEnv(len(batch), course, **rules, **again)
         options = {key: [start.options[key] for start in batch] for key in batch[0].options}
         played += play_together(envs, policy, batch[0].seed, options)
     return played

@@ -152,12 +152,13 @@ def benchmark(
     if levels < 1:
         raise ValueError(f"levels: expected at least 1, received {levels}.")
     known = [one_of(difficulty, DIFFICULTIES, "difficulty") for difficulty in difficulties]
-    policy = load_policy(name, seed)
+    seen = load_policy(name, seed).observation
     for difficulty in known:
         rules: dict[str, Any] = {"difficulty": difficulty, "max_strokes": max_strokes, "tee": "fixed"}
-        rules |= {"observation": policy.observation}
+        rules |= {"observation": seen}
         env = MiniGolfEnv(PROCEDURAL, **rules)
         for what, first in (("train", TRAIN), ("held out", HELD_OUT)):
+            policy = load_policy(name, seed)  # Anew: a set's score does not depend on what was scored before it.
             played, reference = [], []
             numbers = range(first, first + levels)
             for level in tqdm(numbers, f"{difficulty}, {what}", leave=False):
@@ -191,12 +192,25 @@ def _score(difficulty: str, what: str, first: int, played: list[Played], referen
 
 
 def write_record(path: Path, *libraries: str, **record: Any) -> None:
-    """Write a record to a JSON file, never half of it, with the versions it was made with: of these libraries too."""
+    """Write a record to a JSON file, never half of it, with the versions it was made with: of these libraries too.
+
+    The file's folder is made. Ends of an interval that are infinite (of a single episode) are null, as JSON has it.
+    """
     versions = {name: metadata.version(name) for name in ("gymnasium", "numpy", "numba", *libraries)}
     versions |= {"minigolf_env": __version__, "levels": str(GENERATOR), "python": platform.python_version()}
     beside = path.with_name(f".{path.name}")
-    beside.write_text(json.dumps({**record, "versions": versions}, indent=2) + "\n")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    beside.write_text(json.dumps(_finite({**record, "versions": versions}), indent=2, allow_nan=False) + "\n")
     beside.replace(path)
+
+
+def _finite(value: Any) -> Any:
+    """Return a record with None for numbers that are not finite."""
+    if isinstance(value, dict):
+        return {key: _finite(part) for key, part in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_finite(part) for part in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def print_benchmark(policy: str, scores: Sequence[SetScore]) -> None:

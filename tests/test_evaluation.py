@@ -76,6 +76,7 @@ def test_search_plays_better_than_random() -> None:
         (["--policy", "no.zip"], "there is none at no.zip"),
         (["--episodes", "0"], "episodes: expected at least 1"),
         (["--difficulty", "easy"], "course='procedural'"),
+        (["--first-seed", "-5"], "first_seed: expected at least 0"),
         (["--putt-noise", "-1", "0"], "putt_noise"),
     ],
 )
@@ -109,3 +110,11 @@ def test_a_round_is_played_hole_by_hole() -> None:
     holes = [evaluate(aims, "aims", name, episodes=1, first_seed=7 + k, max_strokes=3) for k, name in enumerate(NINE)]
     one, many = (evaluate(p, "aims", ROUND, episodes=9, first_seed=7, max_strokes=3) for p in (aims, AimsTogether()))
     assert one == many and one.strokes == np.mean([hole.strokes for hole in holes])
+
+
+def test_a_single_episode_is_json_too(tmp_path: Path) -> None:
+    """Its interval has no ends: null, which any reader of JSON takes. The file's folder is made."""
+    file = tmp_path / "new" / "score.json"
+    cli.evaluate("search", episodes=1, json=file)
+    score = json.loads(file.read_text(), parse_constant=lambda name: pytest.fail(f"{name} is no JSON"))
+    assert score["strokes_interval"] == [None, None] and score["difficulty"] is None
