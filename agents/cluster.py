@@ -39,7 +39,7 @@ def connect(address: str | None = None, num_cpus: int | None = None) -> Any:
     logging.getLogger("ray.rllib").setLevel(logging.ERROR)  # Its warnings are about its own past and future versions.
     quiet = {"logging_level": logging.ERROR, "log_to_driver": False, "ignore_reinit_error": True}
     if address is None:
-        ray.init(num_cpus=num_cpus, include_dashboard=False, runtime_env=ONE_CORE, **quiet)
+        ray.init("local", num_cpus=num_cpus, include_dashboard=False, runtime_env=ONE_CORE, **quiet)
         return ray
     try:
         if address != "auto":

@@ -4,7 +4,7 @@
 ``--address auto`` on the cluster it is a node of. The same command goes on after an interruption. The folder then holds
 
 - ``putts-FIRST-LAST.npz`` for each range of directions: "result" (D, S), numbers of ``minigolf_env.envs.task.Result``,
-  and "position" (D, S, 3), where the ball ended, m, float32;
+  "position" (D, S, 3), where the ball ended, m, float32, and "seconds", what it took a core to play them;
 - ``map.npz``: how many putts had each result ("counts"), and how many balls came to rest in each cell of the course
   ("heat", its edges "x" and "y", m); ``map.png``: the same as a picture.
 """
@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -68,8 +69,14 @@ def file_of(folder: Path, among: range) -> Path:
 
 def play(course: Course, args: Args, among: range) -> Arrays:
     """Return what becomes of a range's putts; runs on any node."""
+    began = time.process_time()
     outcome = maps.simulate(course, args.tee, args.directions, args.speeds, among=among).outcome
-    return {"result": outcome.result.astype(np.uint8), "position": outcome.position.astype(np.float32)}
+    seconds = np.array(time.process_time() - began)
+    return {
+        "result": outcome.result.astype(np.uint8),
+        "position": outcome.position.astype(np.float32),
+        "seconds": seconds,
+    }
 
 
 def save(path: Path, arrays: Arrays) -> None:
@@ -126,17 +133,20 @@ def play_all(course: Course, args: Args, folder: Path) -> None:
 
 
 def merge(args: Args, course: Course, folder: Path) -> Arrays:
-    """Return how many putts had each result, and how many balls came to rest in each cell."""
-    (left, low), (right, high) = (corner[:2] for corner in course.bounds)
-    x, y = (np.arange(first, last + args.cell, args.cell) for first, last in ((left, right), (low, high)))
-    counts, heat = np.zeros(len(Result), np.int64), np.zeros((len(x) - 1, len(y) - 1), np.int64)
+    """Return how many putts had each result, how many balls came to rest in each cell, and the cores' seconds."""
+    corner, far = (np.array(point[:2]) for point in course.bounds)
+    cells = np.ceil((far - corner) / args.cell).astype(np.int64)
+    counts, heat, seconds = np.zeros(len(Result), np.int64), np.zeros(cells.prod(), np.int64), np.zeros(())
     for among in shards(args):
         with np.load(file_of(folder, among)) as file:
             result, position = file["result"], file["position"]
+            seconds += file["seconds"]
         counts += np.bincount(result.ravel(), minlength=len(Result))
-        rest = position[result == Result.REST]
-        heat += np.histogram2d(rest[:, 0], rest[:, 1], bins=(x, y))[0].astype(np.int64)
-    return {"counts": counts, "heat": heat, "x": x, "y": y}
+        rest = position[result == Result.REST][:, :2]
+        column, row = np.clip(((rest - corner) / args.cell).astype(np.int64), 0, cells - 1).T
+        heat += np.bincount(column * cells[1] + row, minlength=heat.size)
+    x, y = (corner[k] + args.cell * np.arange(cells[k] + 1) for k in range(2))
+    return {"counts": counts, "heat": heat.reshape(cells), "x": x, "y": y, "seconds": seconds}
 
 
 def draw(course: Course, merged: Arrays, path: Path) -> None:
@@ -168,7 +178,9 @@ def main(args: Args) -> Arrays:
     save(folder / "map.npz", merged)
     draw(course, merged, folder / "map.png")
     ends = ", ".join(f"{Result(k).name.lower()} {count:,}" for k, count in enumerate(merged["counts"]))
-    Console().print(f"{merged['counts'].sum():,} putts: {ends}. Map: {folder / 'map.png'}")
+    putts, seconds = merged["counts"].sum(), merged["seconds"]
+    Console().print(f"{putts:,} putts: {ends}. It took {seconds:,.0f} s of a core, {putts / seconds:,.0f} putts/s.")
+    Console().print(f"Map: {folder / 'map.png'}")
     return merged
 
 

@@ -56,6 +56,8 @@ class Args(train_ppo.Args):
     """Processes that play, a core each; Ray spreads them over the nodes and replaces those that die."""
     num_envs: int = 256
     """Environments of each of them, played as one batch."""
+    num_learners: int = 0
+    """Processes that learn, a core each, from equal shares of the putts; 0: this program learns by itself."""
     target_kl: float = 0.02
     """How far an update should move the policy: RLlib's penalty on it grows and shrinks accordingly."""
     learning_rate: float = 1e-3
@@ -182,6 +184,7 @@ def make_algorithm(args: Args) -> Any:
     from ray.rllib.algorithms.ppo import PPOConfig
     from ray.rllib.core.rl_module.default_model_config import DefaultModelConfig
 
+    putts = args.num_env_runners * args.num_envs * args.n_steps
     config = (
         PPOConfig()
         # The course itself, not its name: a course file need not be on the other nodes.
@@ -194,7 +197,7 @@ def make_algorithm(args: Args) -> Any:
         )
         .training(
             lr=[[0, args.learning_rate], [args.putts, 0.0]],
-            train_batch_size_per_learner=args.num_env_runners * args.num_envs * args.n_steps,
+            train_batch_size_per_learner=putts // max(1, args.num_learners),
             minibatch_size=args.batch_size,
             num_epochs=args.n_epochs,
             gamma=args.gamma,
@@ -209,6 +212,7 @@ def make_algorithm(args: Args) -> Any:
                 fcnet_hiddens=list(args.hidden), fcnet_activation="tanh", vf_share_layers=False, free_log_std=True
             )
         )
+        .learners(num_learners=args.num_learners)
         .fault_tolerance(restart_failed_env_runners=True)
         .debugging(seed=args.seed)
     )
@@ -221,6 +225,10 @@ def train(args: Args, folder: Path) -> None:
     """Learn until the putts are played, from the folder's checkpoint if it has one; Ctrl-C saves and leaves."""
     torch.set_num_threads(1)  # The networks are tiny: a second thread mostly waits for the first, at full load.
     ray = connect(args.address)
+    cores, wanted = int(ray.cluster_resources()["CPU"]), args.num_env_runners + args.num_learners
+    if wanted > cores:  # RLlib would wait for them for ever.
+        ray.shutdown()
+        raise SystemExit(f"num_env_runners and num_learners: expected at most {cores} in all, the cores that Ray has.")
     run = Run(args, folder)
     try:
         run.learn(60.0 * args.minutes)
@@ -249,6 +257,8 @@ def read_args(folder: Path, address: str | None) -> Args:
 def main(args: Args) -> list[evaluate.Score]:
     """Train, evaluate, print the table."""
     began = time.monotonic()
+    if args.num_env_runners < 1 or args.num_learners < 0:
+        raise SystemExit("num_env_runners: expected at least 1; num_learners: at least 0.")
     if args.resume is not None:
         folder = args.resume
         args = read_args(folder, args.address)

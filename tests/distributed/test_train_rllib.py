@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import os
 import signal
@@ -157,6 +158,12 @@ def test_the_exported_model_plays_the_same_putts_without_ray(args: train_rllib.A
     expected = means["action_dist_inputs"][:, :2].numpy().clip(-1.0, 1.0)
     assert np.allclose(np.load(tmp_path / "actions.npy"), expected, rtol=0.0, atol=1e-6)
     assert np.ptp(expected) > 0.0
+
+
+def test_more_workers_than_cores_are_refused(args: train_rllib.Args) -> None:
+    """RLlib would wait for ever."""
+    with pytest.raises(SystemExit, match="at most 2"):
+        train_rllib.main(dataclasses.replace(args, num_learners=1))
 
 
 @pytest.mark.parametrize("address", ["127.0.0.1:1", "nowhere"])
