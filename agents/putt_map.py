@@ -26,7 +26,7 @@ from rich.console import Console
 from tqdm import tqdm
 
 from agents.cluster import connect
-from agents.train_ppo import write
+from agents.runs import publish, write
 from minigolf_env import __version__, maps
 from minigolf_env.courses import Course, load_course
 from minigolf_env.envs.task import Result
@@ -83,7 +83,7 @@ def save(path: Path, arrays: Arrays) -> None:
     """Write arrays so that the file is never half there."""
     beside = path.with_name(f".{path.name}")
     np.savez_compressed(beside, **arrays)
-    beside.replace(path)
+    publish(beside, path)
 
 
 def claim(args: Args, course: Course, folder: Path) -> None:
@@ -103,7 +103,7 @@ def claim(args: Args, course: Course, folder: Path) -> None:
             raise SystemExit(f"out: {folder} holds putts with another {', '.join(other)}; choose another folder.")
     else:
         folder.mkdir(parents=True, exist_ok=True)
-        write(note, json.dumps(mine, indent=2) + "\n")
+        write(note, json.dumps(mine, indent=2).encode())
 
 
 def play_all(course: Course, args: Args, folder: Path) -> None:

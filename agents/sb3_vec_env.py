@@ -11,6 +11,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 from gymnasium.vector import AutoresetMode
+from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvObs, VecEnvStepReturn
 
@@ -36,7 +37,7 @@ class SB3VecEnv(VecEnv):
         """Start new episodes, with the seeds that ``seed`` stored."""
         seeds: Any = None if self._seeds == [None] * self.num_envs else list(self._seeds)
         observations, infos = self.envs.reset(seed=seeds)
-        self.reset_infos = [_info_of(infos, i) for i in range(self.num_envs)]
+        self.reset_infos = _infos_of(infos, np.arange(self.num_envs))
         self._reset_seeds()
         self._reset_options()
         return _array(observations)
@@ -50,10 +51,12 @@ class SB3VecEnv(VecEnv):
         observations, rewards, terminated, truncated, infos = self.envs.step(self._actions)
         dones = terminated | truncated
         by_env: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
-        for i in np.flatnonzero(dones).tolist():
-            by_env[i] = _info_of(infos["final_info"], i)
-            by_env[i]["terminal_observation"] = infos["final_obs"][i]
-            by_env[i]["TimeLimit.truncated"] = bool(truncated[i] and not terminated[i])
+        if dones.any():
+            rows = np.flatnonzero(dones)
+            cut = (truncated & ~terminated)[rows].tolist()
+            ends = zip(rows.tolist(), _infos_of(infos["final_info"], rows), infos["final_obs"][rows], cut, strict=True)
+            for i, info, seen, truncation in ends:
+                by_env[i] = info | {"terminal_observation": seen, "TimeLimit.truncated": truncation}
         return _array(observations), rewards.astype(np.float32), dones, by_env
 
     def close(self) -> None:
@@ -61,22 +64,21 @@ class SB3VecEnv(VecEnv):
         self.envs.close()
 
     def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
-        """Return an attribute of the batch once for each environment asked for."""
-        return [getattr(self.envs, attr_name)] * len(list(self._get_indices(indices)))
+        """Return an attribute of each environment asked for; MiniGolfVectorEnv.get_attr lists them."""
+        values = self.envs.unwrapped.get_attr(attr_name)  # type: ignore[attr-defined] # Gymnasium's base class has none.
+        return [values[i] for i in self._get_indices(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
-        """Set an attribute of the whole batch.
-
-        Raises:
-            ValueError: only some environments were asked for; they share their attributes.
-        """
-        if len(list(self._get_indices(indices))) != self.num_envs:
-            raise ValueError(f"set_attr: expected all environments, received {indices}; they share their attributes.")
-        setattr(self.envs, attr_name, value)
+        """Set an attribute of each environment asked for to one value; see MiniGolfVectorEnv.set_attr."""
+        values = self.get_attr(attr_name)
+        for i in self._get_indices(indices):
+            values[i] = value
+        self.envs.unwrapped.set_attr(attr_name, values)  # type: ignore[attr-defined]
 
     def env_method(self, method_name: str, *args: Any, indices: VecEnvIndices = None, **kwargs: Any) -> list[Any]:
-        """Call a method of the batch and return its result once for each environment asked for."""
-        return [getattr(self.envs, method_name)(*args, **kwargs)] * len(list(self._get_indices(indices)))
+        """Call a method of all environments; return what it gives in those asked for; see MiniGolfVectorEnv.call."""
+        values = self.envs.unwrapped.call(method_name, *args, **kwargs)  # type: ignore[attr-defined]
+        return [values[i] for i in self._get_indices(indices)]
 
     def env_is_wrapped(
         self, wrapper_class: type[gym.Wrapper[Any, Any, Any, Any]], indices: VecEnvIndices = None
@@ -90,10 +92,10 @@ class SB3VecEnv(VecEnv):
         return [None] * self.num_envs if pictures is None else list(pictures)
 
 
-def _info_of(infos: dict[str, Any], i: int) -> dict[str, Any]:
-    """Return environment i's share of a batch's infos, as plain Python values where numpy has them."""
-    mine = {key: value[i] for key, value in infos.items() if not key.startswith("_") and key[:5] != "final"}
-    return {key: value.item() if isinstance(value, np.generic) else value for key, value in mine.items()}
+def _infos_of(infos: dict[str, Any], rows: NDArray[np.int64]) -> list[dict[str, Any]]:
+    """Return some environments' shares of a batch's infos: a dict each, with plain Python values."""
+    mine = {key: value[rows].tolist() for key, value in infos.items() if key[0] != "_"}
+    return [dict(zip(mine, values, strict=True)) for values in zip(*mine.values(), strict=True)]
 
 
 def _array(observations: Any) -> np.ndarray:

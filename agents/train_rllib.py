@@ -2,33 +2,33 @@
 
 ``python -m agents.train_rllib`` starts Ray on this machine, ``--address auto`` joins the cluster that this machine is a
 node of; ``--resume runs/dogleg-1`` goes on after an interruption. docs/scaling.md has the commands for a cluster. The
-best model is a file that stable-baselines3 loads: ``minigolf`` and ``agents.evaluate`` read it without Ray.
+folder is that of every run (runs.py), its models such as stable-baselines3 writes: ``minigolf`` reads them without Ray.
+Beside them is checkpoint-PUTTS, RLlib's own, from which a run goes on.
 """
 
 from __future__ import annotations
 
 import dataclasses
-import json
 import shutil
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
+import numpy as np
 import torch
 import tyro
-from rich.console import Console
+from rich.progress import MofNCompleteColumn, Progress
 from stable_baselines3 import PPO
-from torch.utils.tensorboard import SummaryWriter
-from tqdm import tqdm
+from stable_baselines3.common.logger import configure
 
-from agents import evaluate, train_ppo
+from agents import runs
 from agents.cluster import connect
 from minigolf_env.courses import load_course
-from minigolf_env.policies import ModelPolicy
-
-CONSOLE = Console()
+from minigolf_env.courses.procedural import PROCEDURAL
+from minigolf_env.evaluation import Score
 
 ENVIRONMENT = "minigolf_env:MiniGolf-v0"
 """With the module's name: a worker on another node has imported nothing of ours."""
@@ -47,126 +47,117 @@ NAMES = {
 
 
 @dataclass(frozen=True)
-class Args(train_ppo.Args):
-    """The command line of train_ppo, and who plays."""
+class Args(runs.Run):
+    """The command line. Where RLlib has the same setting, the default is that of train_ppo."""
 
     address: str | None = None
-    """Of a Ray cluster: "auto" on one of its nodes, or HOST:PORT; by default Ray starts on this machine alone."""
+    """Of a Ray cluster: "auto" on one of its nodes, or HOST:PORT; by default Ray starts on this machine alone. With
+    --resume it counts too: the cluster may have moved."""
     num_env_runners: int = 2
     """Processes that play, a core each; Ray spreads them over the nodes and replaces those that die."""
     num_envs: int = 256
     """Environments of each of them, played as one batch."""
     num_learners: int = 0
     """Processes that learn, a core each, from equal shares of the putts; 0: this program learns by itself."""
-    target_kl: float = 0.02
+
+    n_steps: int = 4
+    """Putts in each environment between two updates."""
+    batch_size: int = 512
+    n_epochs: int = 6
+    target_kl: float = 0.1
     """How far an update should move the policy: RLlib's penalty on it grows and shrinks accordingly."""
-    learning_rate: float = 1e-3
-    """At the start; falls linearly to 0 as putts run out."""
+    learning_rate: float = 2e-3
+    """At the start; falls linearly to 0."""
+    gamma: float = 0.5
+    gae_lambda: float = 0.5
+    clip_range: float = 0.2
+    log_std: tuple[float, float] = (-1.9, -5.0)
+    """Log of the noise's standard deviation (shares of the top speed), first and last; see train_ppo.Annealing."""
+    hidden: tuple[int, ...] = (64, 64)
+
+    @property
+    def environment(self) -> dict[str, Any]:
+        """The arguments of the environments, with the course itself: its file need not be on the other nodes."""
+        course = self.course if self.course == PROCEDURAL else load_course(self.course)
+        return {**self.game, "course": course, "observation": self.observation, "num_levels": self.num_levels}
 
 
-class Run:
-    """A learner and the folder of its checkpoints.
+class Training(runs.Checkpoints):
+    """RLlib's learner and its checkpoints; ``model`` is the same network as stable-baselines3 has it.
 
-    Folders and files are written beside their place and then moved there: an interruption leaves the last whole one.
+    Args:
+        args: of the run.
+        folder: of the run; if it has a checkpoint of RLlib's, the learner goes on from there.
     """
 
     def __init__(self, args: Args, folder: Path) -> None:
-        self.args, self.folder = args, folder
+        super().__init__(args, folder)
         self.algorithm = make_algorithm(args)
-        # The same network for stable-baselines3: it lends its first weights, and carries those learned into a file.
-        self.player = PPO(
+        player = PPO(
             "MlpPolicy",
-            gym.make(ENVIRONMENT, course=args.course),
+            gym.make(ENVIRONMENT, **args.environment),
             seed=args.seed,
             device="cpu",
-            policy_kwargs={
-                "net_arch": list(args.hidden),
-                "activation_fn": torch.nn.Tanh,
-                "log_std_init": args.log_std_init,
-            },
+            policy_kwargs={"net_arch": list(args.hidden), "log_std_init": args.log_std[0]},
         )
-        self.putts, self.best = 0, float("inf")
-        if self.checkpoints():
-            self.algorithm.restore_from_path(str(self.checkpoints()[-1].resolve()))
-            progress = json.loads((folder / "progress.json").read_text())
-            self.putts, self.best = putts_of(self.checkpoints()[-1]), progress["best_strokes"]
+        player.set_logger(configure(str(folder / "log"), ["tensorboard"]))
+        self.init_callback(player)
+        if self.kept():
+            self.algorithm.restore_from_path(str(self.kept()[-1].resolve()))
+            self.num_timesteps = self.saved_at = putts_of(self.kept()[-1])
         else:
             self.lend()
-        self.saved_at = self.putts
-        self.log = SummaryWriter(folder / "log", purge_step=self.putts)
 
-    def checkpoints(self) -> list[Path]:
+    def kept(self) -> list[Path]:
         """Return RLlib's checkpoints in the folder, the newest last."""
         return sorted(self.folder.glob("checkpoint-*"), key=putts_of)
 
     def lend(self) -> None:
         """Begin with the weights that stable-baselines3 would begin with."""
-        theirs = self.player.policy.state_dict()
+        theirs = self.model.policy.state_dict()
         weights = self.algorithm.learner_group.get_weights()
         mine = {name: theirs[renamed(name)].numpy() for name in weights[MODULE] if renamed(name) in theirs}
         self.algorithm.learner_group.set_weights({MODULE: {**weights[MODULE], **mine}})
         self.algorithm.env_runner_group.sync_weights(from_worker_or_learner_group=self.algorithm.learner_group)
 
-    def learn(self, seconds: float) -> None:
-        """Play and learn until the putts or the seconds run out."""
-        until = time.monotonic() + seconds
-        with tqdm(total=self.args.putts, initial=self.putts, unit=" putts") as bar:
-            while self.putts < self.args.putts and time.monotonic() < until:
+    def carry(self) -> None:
+        """Bring what is learned so far into stable-baselines3's network."""
+        weights = self.algorithm.learner_group.get_weights()[MODULE]
+        theirs = {renamed(name): torch.as_tensor(weights[name]) for name in weights}
+        policy = self.model.policy
+        policy.load_state_dict({name: theirs[name] for name in policy.state_dict()})
+        self.model.num_timesteps = self.num_timesteps
+
+    def learn(self) -> None:
+        """Play and learn until the putts are played."""
+        with Progress(*Progress.get_default_columns(), MofNCompleteColumn(), console=runs.CONSOLE) as bar:
+            task = bar.add_task("putts", total=self.args.putts, completed=self.num_timesteps)
+            while self.num_timesteps < self.args.putts:
                 played = self.algorithm.train()["env_runners"]
-                before, self.putts = self.putts, int(played["num_env_steps_sampled_lifetime"])
-                bar.update(self.putts - before)
+                self.num_timesteps = int(played["num_env_steps_sampled_lifetime"])
+                bar.update(task, completed=self.num_timesteps)
                 for name in ("episode_len_mean", "episode_return_mean"):
                     if name in played:  # Not before an episode has ended.
-                        self.log.add_scalar(f"rollout/{name}", played[name], self.putts)
-                if self.putts - self.saved_at >= self.args.check_every:
+                        self.logger.record(f"rollout/{name}", played[name])
+                self.logger.dump(self.num_timesteps)
+                if self.num_timesteps - self.saved_at >= self.args.check_every:
                     self.check()
 
     def check(self) -> None:
-        """Save, evaluate, and keep the model if it is the best so far."""
-        self.save()
-        options = evaluate.Args(
-            course=self.args.course, episodes=self.args.check_episodes, first_seed=self.args.check_seed
-        )
-        candidate = self.export(".candidate.zip")
-        score = evaluate.evaluate(ModelPolicy(candidate), "PPO", options, quiet=True)
-        for name in ("strokes", "holed", "hole_in_one"):
-            self.log.add_scalar(f"eval/{name}", getattr(score, name), self.putts)
-        if score.strokes < self.best:
-            self.best = score.strokes
-            candidate.replace(self.folder / "best.zip")
-        candidate.unlink(missing_ok=True)
-        self.write_progress()
-        tqdm.write(
-            f"{self.putts:>10,} putts: {score.strokes:.2f} strokes, {score.holed:.0%} holed, "
-            f"{score.hole_in_one:.0%} holes-in-one (best {self.best:.2f})"
-        )
+        """Save, score, and keep the model if it is the best so far."""
+        self.keep()
+        self.carry()
+        super().check()
 
-    def save(self) -> None:
-        """Write RLlib's checkpoint, from which a run goes on, and drop the one before."""
-        beside, place = self.folder / ".checkpoint", self.folder / f"checkpoint-{self.putts}"
+    def keep(self) -> None:
+        """Write RLlib's checkpoint and drop the one before."""
+        beside, place = self.folder / ".checkpoint", self.folder / f"checkpoint-{self.num_timesteps}"
         shutil.rmtree(beside, ignore_errors=True)
         self.algorithm.save_to_path(str(beside.resolve()))
         shutil.rmtree(place, ignore_errors=True)
-        beside.replace(place)
-        self.write_progress()
-        for old in self.checkpoints()[:-1]:
+        runs.publish(beside, place)
+        for old in self.kept()[:-1]:
             shutil.rmtree(old)
-        self.saved_at = self.putts
-
-    def export(self, name: str) -> Path:
-        """Write the model as stable-baselines3 would, under a name in the folder, and return its path."""
-        weights = self.algorithm.learner_group.get_weights()[MODULE]
-        theirs = {renamed(name): torch.as_tensor(weights[name]) for name in weights}
-        policy = self.player.policy
-        policy.load_state_dict({name: theirs[name] for name in policy.state_dict()})
-        self.player.num_timesteps = self.putts
-        self.player.save(self.folder / name)
-        return self.folder / name
-
-    def write_progress(self) -> None:
-        """Write what a resumed run has to know beside the checkpoint."""
-        progress = {"putts": self.putts, "best_strokes": self.best}
-        train_ppo.write(self.folder / "progress.json", json.dumps(progress))
 
 
 def renamed(name: str) -> str:
@@ -175,7 +166,7 @@ def renamed(name: str) -> str:
 
 
 def putts_of(checkpoint: Path) -> int:
-    """Return the putts that were played before a checkpoint."""
+    """Return the putts that were played before a checkpoint of RLlib's."""
     return int(checkpoint.name.rpartition("-")[2])
 
 
@@ -187,8 +178,7 @@ def make_algorithm(args: Args) -> Any:
     putts = args.num_env_runners * args.num_envs * args.n_steps
     config = (
         PPOConfig()
-        # The course itself, not its name: a course file need not be on the other nodes.
-        .environment(ENVIRONMENT, env_config={"course": load_course(args.course)})
+        .environment(ENVIRONMENT, env_config=args.environment)
         .env_runners(
             num_env_runners=args.num_env_runners,
             num_envs_per_env_runner=args.num_envs,
@@ -196,6 +186,7 @@ def make_algorithm(args: Args) -> Any:
             gym_env_vectorize_mode="vector_entry_point",
         )
         .training(
+            learner_class=annealing(args),
             lr=[[0, args.learning_rate], [args.putts, 0.0]],
             train_batch_size_per_learner=putts // max(1, args.num_learners),
             minibatch_size=args.batch_size,
@@ -221,58 +212,59 @@ def make_algorithm(args: Args) -> Any:
     return algorithm
 
 
+def annealing(args: Args) -> type[Any]:
+    """Return RLlib's class of learners, with the noise on a fixed way from wide to narrow: see train_ppo.Annealing.
+
+    It is set at the end of an update, before the workers are sent the weights: the putts an update learns from were all
+    played with one noise, the one that it computes with.
+    """
+    from ray.rllib.algorithms.ppo.torch.ppo_torch_learner import PPOTorchLearner
+    from ray.rllib.utils.metrics import NUM_ENV_STEPS_SAMPLED_LIFETIME
+
+    class Annealing(PPOTorchLearner):  # type: ignore[misc] # Ray is not there to be checked.
+        def get_parameters(self, module: Any) -> list[Any]:
+            module.unwrapped().pi.log_std.requires_grad_(False)
+            return [weights for weights in super().get_parameters(module) if weights.requires_grad]
+
+        def after_gradient_based_update(self, *, timesteps: Mapping[str, int]) -> None:
+            super().after_gradient_based_update(timesteps=timesteps)
+            log_std = np.interp(timesteps[NUM_ENV_STEPS_SAMPLED_LIFETIME], (0, args.putts), args.log_std)
+            self.module[MODULE].unwrapped().pi.log_std.data.fill_(float(log_std))
+
+    return Annealing
+
+
 def train(args: Args, folder: Path) -> None:
     """Learn until the putts are played, from the folder's checkpoint if it has one; Ctrl-C saves and leaves."""
     torch.set_num_threads(1)  # The networks are tiny: a second thread mostly waits for the first, at full load.
     ray = connect(args.address)
-    cores, wanted = int(ray.cluster_resources()["CPU"]), args.num_env_runners + args.num_learners
-    if wanted > cores:  # RLlib would wait for them for ever.
-        ray.shutdown()
-        raise SystemExit(f"num_env_runners and num_learners: expected at most {cores} in all, the cores that Ray has.")
-    run = Run(args, folder)
     try:
-        run.learn(60.0 * args.minutes)
-        run.check()
-    except KeyboardInterrupt:
-        run.save()
-        raise SystemExit(f"Interrupted and saved. Go on with: python -m agents.train_rllib --resume {folder}") from None
+        cores, wanted = int(ray.cluster_resources()["CPU"]), args.num_env_runners + args.num_learners
+        if wanted > cores:  # RLlib would wait for them for ever.
+            raise SystemExit(f"num_env_runners and num_learners: expected at most {cores} in all, the cores Ray has.")
+        training = Training(args, folder)
+        try:
+            with runs.stoppable(folder, training.keep):
+                training.learn()
+                training.check()
+        finally:
+            training.logger.close()
+            training.algorithm.stop()
     finally:
-        run.log.close()
-        run.algorithm.stop()
         ray.shutdown()
 
 
-def read_args(folder: Path, address: str | None) -> Args:
-    """Return the arguments a run was started with; the cluster may be at another address by now.
-
-    Raises:
-        SystemExit: there is no run to go on with.
-    """
-    if not (folder / "args.json").is_file():
-        raise SystemExit(f"resume: expected the folder of a run, {folder} has no args.json.")
-    stored: dict[str, Any] = json.loads((folder / "args.json").read_text())
-    return Args(**{**stored, "hidden": tuple(stored["hidden"]), "address": address})
-
-
-def main(args: Args) -> list[evaluate.Score]:
-    """Train, evaluate, print the table."""
-    began = time.monotonic()
+def main(args: Args) -> list[Score]:
+    """Train, score, print the table."""
+    began, address = time.monotonic(), args.address
     if args.num_env_runners < 1 or args.num_learners < 0:
         raise SystemExit("num_env_runners: expected at least 1; num_learners: at least 0.")
-    if args.resume is not None:
-        folder = args.resume
-        args = read_args(folder, args.address)
-    else:
-        folder = train_ppo.new_folder(args)
-        stored = {**dataclasses.asdict(args), "out": None, "resume": None}
-        train_ppo.write(folder / "args.json", json.dumps(stored, indent=2) + "\n")
+    if args.facing or args.observation == "pixels":
+        raise SystemExit('observation: expected "state" or "rays", and no --facing: those are for one machine.')
+    args, folder = runs.begin(args)
+    args = dataclasses.replace(args, address=address)
     train(args, folder)
-    scores = train_ppo.final_table(args, folder)
-    evaluate.print_scores(scores)
-    CONSOLE.print(
-        f"{time.monotonic() - began:.0f} s in all. Model: {folder / 'best.zip'}; log: tensorboard --logdir {folder}"
-    )
-    return scores
+    return runs.end(args, PPO, folder, began)
 
 
 if __name__ == "__main__":

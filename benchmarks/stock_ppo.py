@@ -14,8 +14,7 @@ import gymnasium as gym
 import tyro
 from stable_baselines3 import PPO
 
-import minigolf_env  # noqa: F401 (registers the environment)
-from agents import evaluate
+from minigolf_env import evaluation
 from minigolf_env.policies import ModelPolicy
 
 
@@ -28,11 +27,11 @@ class Args:
     rewards: tuple[str, ...] = ("shaped", "strokes")
 
 
-def score(model: PPO, name: str, episodes: int) -> evaluate.Score:
+def score(model: PPO, name: str, episodes: int) -> evaluation.Score:
     """Return how well the model plays now."""
     with tempfile.TemporaryDirectory() as folder:
         model.save(Path(folder) / "model.zip")
-        return evaluate.evaluate(ModelPolicy(Path(folder) / "model.zip"), name, evaluate.Args(episodes=episodes))
+        return evaluation.evaluate(ModelPolicy(Path(folder) / "model.zip"), name, episodes=episodes)
 
 
 def main(args: Args) -> None:
@@ -45,7 +44,7 @@ def main(args: Args) -> None:
         model.learn(args.putts)
         name = f"{reward}, {args.putts:,} putts, {time.monotonic() - began:.0f} s"
         scores.append(score(model, name, args.episodes))
-    evaluate.print_scores(scores)
+    evaluation.print_scores(scores)
 
 
 if __name__ == "__main__":

@@ -168,7 +168,7 @@ def _play(course: Course, world: World) -> Iterator[str]:
     env.reset(seed=0)
     over, info = False, dict[str, Any]()
     while not over:
-        _, _, over, _, info = env.step(search(env, directions=90, speeds=16, rounds=3).action)
+        _, _, over, _, info = env.step(search(env).action)
     if not info["is_success"]:
         yield (
             f"cup: expected search to hole out within {MOST_STROKES} strokes, received no such putts; "

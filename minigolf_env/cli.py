@@ -34,7 +34,7 @@ def play(
 
     Args:
         course: a hole, or "room" to throw a ball in three dimensions.
-        opponent: plays against you: "search", "random" or a model's .zip file.
+        opponent: plays against you: "search", "random", "ppo" or a model's .zip or .npz file.
         size: of the window, pixels.
         profile: "high", "fast" or "auto".
         log: print each event as a line of JSON, for programs that watch.
@@ -61,7 +61,7 @@ def video(
     Args:
         output: the file to write, .mp4 or .gif.
         course: the hole.
-        policy: "search", "random" or a model's .zip file.
+        policy: "search", "random", "ppo" or a model's .zip or .npz file.
         episodes: how often the hole is played.
         seed: of the environment and the random policy.
         camera: "follow", "top", "tee" or "orbit".
@@ -139,11 +139,53 @@ def map_(
 
 
 @app.command
+def evaluate(
+    policy: str = "search",
+    course: str = "dogleg",
+    episodes: int = 100,
+    first_seed: int = 1_000_000,
+    max_strokes: int = 10,
+    putt_noise: tuple[float, float] = (0.0, 0.0),
+    watch: bool = False,
+    json: Path | None = None,
+) -> None:
+    """Score a policy on one hole: strokes over fixed seeds, with confidence intervals.
+
+    Args:
+        policy: "search", "random", "ppo" or a model's .zip or .npz file.
+        course: a hole's name or file.
+        episodes: how many.
+        first_seed: episode i is seeded with so much more than i; a random policy with this too.
+        max_strokes: of an episode.
+        putt_noise: standard deviations of direction (degrees) and speed (share of it).
+        watch: show the putts in a window.
+        json: also write the score to this file.
+    """
+    from dataclasses import asdict
+
+    from minigolf_env import evaluation, scoring
+    from minigolf_env.policies import load_policy
+
+    score = evaluation.evaluate(
+        load_policy(policy, first_seed),
+        policy,
+        course,
+        episodes=episodes,
+        first_seed=first_seed,
+        max_strokes=max_strokes,
+        putt_noise=putt_noise,
+        watch=watch,
+    )
+    evaluation.print_scores([score])
+    if json is not None:
+        scoring.write_record(json, **asdict(score))
+
+
+@app.command
 def benchmark(
     policy: str = "search",
     difficulty: tuple[str, ...] = ("easy", "medium", "hard"),
     levels: int = 200,
-    observation: str = "rays",
     max_strokes: int = 10,
     seed: int = 0,
     json: Path | None = None,
@@ -151,20 +193,22 @@ def benchmark(
     """Score a policy on fixed training levels and on levels held out, beside search.
 
     Args:
-        policy: "search", "random" or a model's .zip file.
+        policy: "search", "random", "ppo" or a model's .zip or .npz file.
         difficulty: of the levels, one or more.
         levels: in each set.
-        observation: what the policy was trained with: "state", "rays" or "pixels".
         max_strokes: of an episode.
         seed: of the random policy.
         json: also write the scores to this file, with those of every level.
     """
+    from dataclasses import asdict
+
     from minigolf_env import scoring
 
-    scores = list(scoring.benchmark(policy, difficulty, levels, observation, max_strokes, seed))
+    scores = list(scoring.benchmark(policy, difficulty, levels, max_strokes, seed))
     scoring.print_benchmark(policy, scores)
     if json is not None:
-        scoring.write_scores(json, policy, scores, observation=observation, max_strokes=max_strokes, seed=seed)
+        settings = {"max_strokes": max_strokes, "seed": seed}
+        scoring.write_record(json, policy=policy, settings=settings, sets=[asdict(score) for score in scores])
 
 
 def main(args: Sequence[str] | None = None) -> None:

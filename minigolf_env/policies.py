@@ -1,25 +1,48 @@
-"""Players behind one interface: random, search, or a model trained with stable-baselines3."""
+"""Players behind one interface: random, search, or a trained model."""
 
 from __future__ import annotations
 
+import hashlib
+import json
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from minigolf_env.envs import MiniGolfEnv
+from minigolf_env.envs.observations import OBSERVERS
+from minigolf_env.facing import VIEW, face_cup, turn
+from minigolf_env.network import read_network
 from minigolf_env.physics.checks import one_of
 from minigolf_env.planning import search
 
 Action = NDArray[np.float32]
 
+POLICIES = ("random", "search", "ppo")
+
+SHIPPED = Path(__file__).parent / "models" / "dogleg.npz"
+"""The model "ppo", for the default hole; the card beside it, .json, has its training command, score and SHA-256."""
+
 
 class Policy(Protocol):
     """A player."""
 
-    def act(self, observation: NDArray[np.float32], env: MiniGolfEnv) -> Action:
+    observation: str
+    """What it sees: the environment's ``observation``."""
+
+    def act(self, observation: NDArray[Any], env: MiniGolfEnv) -> Action:
         """Return the putt (2,) to play; a policy that learned looks at the observation, one that plans at the game."""
+        ...
+
+
+@runtime_checkable
+class BatchPolicy(Policy, Protocol):
+    """A player that needs no more than observations, and takes many at once."""
+
+    def act_many(self, observations: NDArray[Any]) -> Action:
+        """Return the putts (N, 2) to play after observations (N, ...)."""
         ...
 
 
@@ -30,10 +53,12 @@ class RandomPolicy:
         seed: of the policy's own random numbers.
     """
 
+    observation = "state"
+
     def __init__(self, seed: int = 0) -> None:
         self._rng = np.random.default_rng(seed)
 
-    def act(self, observation: NDArray[np.float32], env: MiniGolfEnv) -> Action:
+    def act(self, observation: NDArray[Any], env: MiniGolfEnv) -> Action:
         """Return a random putt (2,)."""
         direction, share = self._rng.random(2)
         turn = 2.0 * np.pi * direction
@@ -43,47 +68,115 @@ class RandomPolicy:
 class SearchPolicy:
     """Plays the best of the putts that ``planning.search`` tries from where the ball lies."""
 
-    def act(self, observation: NDArray[np.float32], env: MiniGolfEnv) -> Action:
+    observation = "state"
+
+    def act(self, observation: NDArray[Any], env: MiniGolfEnv) -> Action:
         """Return the best putt (2,) found."""
         return search(env).action
 
 
 class ModelPolicy:
-    """Plays what a model learned with stable-baselines3's PPO finds best, without exploring.
-
-    Loading runs code that is pickled in the file: load only models you trust.
+    """Plays what a trained model finds best, without exploring. Reading its file runs no code that is in it.
 
     Args:
-        path: the .zip file that ``model.save`` wrote.
+        path: the .zip file that stable-baselines3's ``model.save`` wrote after training an "MlpPolicy" by PPO or SAC,
+            or an .npz file that ``network.Network.save`` wrote.
 
     Raises:
-        FileNotFoundError: there is no such file.
-        ImportError: stable-baselines3 is not installed.
+        FileNotFoundError, ValueError, ImportError: as for ``network.read_network``; ValueError also if the model was
+            trained with another number of observations than any kind has.
     """
 
     def __init__(self, path: str | Path) -> None:
-        if not Path(path).is_file():
-            raise FileNotFoundError(f"model: expected a .zip file that model.save() wrote, there is none at {path}.")
-        try:
-            from stable_baselines3 import PPO
-        except ImportError as error:
-            raise ImportError("A trained model needs stable-baselines3: pip install 'minigolf-env[agents]'.") from error
-        self._model: Any = PPO.load(path, device="cpu")
+        self.network = read_network(path)
+        facing = self.network.inputs == VIEW
+        self.observation = "rays" if facing else _kind((self.network.inputs,))
+        self._play = _facing_cup(self.network) if facing else self.network
+        self.sha256 = _sha256(Path(path))
+        """Of the file."""
 
-    def act(self, observation: NDArray[np.float32], env: MiniGolfEnv) -> Action:
+    def act(self, observation: NDArray[Any], env: MiniGolfEnv) -> Action:
         """Return the mean of the policy's distribution (2,)."""
-        action, _ = self._model.predict(observation, deterministic=True)
-        return np.asarray(action, dtype=np.float32)
+        return np.asarray(self.act_many(observation[None])[0])
+
+    def act_many(self, observations: NDArray[Any]) -> Action:
+        """Return the means (N, 2): each has the bits of ``act``."""
+        return self._play(observations)
+
+
+class PredictPolicy:
+    """Plays a loaded model of any algorithm and network by its ``predict``, as stable-baselines3's models have it.
+
+    Loading such a model, ``PPO.load(path)``, runs code that is pickled in the file: load only those you trust. The
+    putts of a batch may differ from single ones in the last bits.
+
+    Args:
+        model: with ``predict(observations, deterministic=True)``, which returns putts and something else.
+        observation: what it was trained with.
+    """
+
+    def __init__(self, model: Any, observation: str) -> None:
+        self.observation = one_of(observation, tuple(OBSERVERS), "observation")
+        self._model = model
+        self._play = _facing_cup(self._predict) if model.observation_space.shape == (VIEW,) else self._predict
+
+    def act(self, observation: NDArray[Any], env: MiniGolfEnv) -> Action:
+        """Return what the model finds best (2,)."""
+        return np.asarray(self.act_many(observation[None])[0])
+
+    def act_many(self, observations: NDArray[Any]) -> Action:
+        """Return what the model finds best (N, 2)."""
+        return self._play(observations)
+
+    def _predict(self, observations: NDArray[Any]) -> Action:
+        return np.asarray(self._model.predict(observations, deterministic=True)[0], dtype=np.float32)
 
 
 def load_policy(name: str | Path, seed: int = 0) -> Policy:
-    """Return the policy "random" (with its seed), "search", or the model in a .zip file.
+    """Return the policy "random" (with its seed), "search", "ppo" (the model that ships), or the model in a file.
 
     Raises:
-        ValueError: the name is neither.
+        ValueError: the name is none of these, or the file holds something else.
         FileNotFoundError, ImportError: as for ModelPolicy.
     """
-    if str(name).endswith(".zip"):
+    if Path(name).suffix in (".zip", ".npz"):
         return ModelPolicy(name)
-    known = one_of(name, ("random", "search"), "policy (or a model's .zip file)")
+    known = one_of(name, POLICIES, "policy (or a model's .zip or .npz file)")
+    if known == "ppo":
+        return _shipped()
     return RandomPolicy(seed) if known == "random" else SearchPolicy()
+
+
+def _shipped() -> ModelPolicy:
+    """Return the model that ships, if it is the one on its card."""
+    card = SHIPPED.with_suffix(".json")
+    if not (SHIPPED.is_file() and card.is_file()):
+        raise FileNotFoundError(
+            f"policy: expected the model that ships with the package, there is none at {SHIPPED}; "
+            "train one with `python -m agents.train_ppo` and name its .zip file."
+        )
+    if _sha256(SHIPPED) != json.loads(card.read_text())["sha256"]:
+        raise ValueError(f"policy: expected the model that {card} describes, received another; install again.")
+    return ModelPolicy(SHIPPED)
+
+
+def _sha256(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def _facing_cup(play: Callable[[NDArray[Any]], Action]) -> Callable[[NDArray[Any]], Action]:
+    """Return a player of "rays" from one that learned from their view with the cup ahead."""
+
+    def faced(observations: NDArray[Any]) -> Action:
+        views, ahead = face_cup(observations)
+        return turn(play(views), ahead)
+
+    return faced
+
+
+def _kind(shape: tuple[int, ...]) -> str:
+    """Return which kind of observation has a shape."""
+    shapes = {name: observer.space().shape for name, observer in OBSERVERS.items()}
+    if shape not in shapes.values():
+        raise ValueError(f"model: expected one that sees an observation of {shapes}, received one that sees {shape}.")
+    return next(name for name, known in shapes.items() if known == shape)

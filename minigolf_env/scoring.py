@@ -1,4 +1,4 @@
-"""How well a policy plays: strokes, their intervals, and the benchmark on fixed sets of levels."""
+"""How well a policy plays: strokes, their intervals, records of them, and the benchmark on fixed sets of levels."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ import json
 import math
 import platform
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
-from importlib.metadata import version
+from dataclasses import dataclass
+from importlib import metadata
 from pathlib import Path
 from typing import Any, NamedTuple, cast
 
@@ -18,10 +18,10 @@ from tqdm import tqdm
 
 from minigolf_env import __version__
 from minigolf_env.courses.procedural import DIFFICULTIES, GENERATOR, PROCEDURAL
-from minigolf_env.envs import MiniGolfEnv
+from minigolf_env.envs import MiniGolfEnv, MiniGolfVectorEnv
 from minigolf_env.physics.checks import one_of
 from minigolf_env.planning import search
-from minigolf_env.policies import Policy, RandomPolicy, load_policy
+from minigolf_env.policies import BatchPolicy, Policy, load_policy
 
 Z = 1.96
 """Two-sided 95 % quantile of the normal distribution."""
@@ -33,9 +33,6 @@ HELD_OUT = 1_000_000
 
 TRAIN = 0
 """The first training level."""
-
-QUICK = {"directions": 48, "speeds": 8, "rounds": 1}
-"""The search that is tried first; most levels need no more."""
 
 
 class Played(NamedTuple):
@@ -67,10 +64,6 @@ class SetScore:
     search_by_level: tuple[int, ...]
 
 
-PROGRESS = 0.1
-"""A putt of search that does not hole out has to bring the ball so much closer, m."""
-
-
 def play_episode(
     env: gym.Env[Any, Any], policy: Policy, seed: int | None, options: dict[str, Any] | None = None
 ) -> Played:
@@ -84,21 +77,31 @@ def play_episode(
     return Played(info["strokes"], info["is_success"])
 
 
-def strokes_of_search(env: MiniGolfEnv) -> int:
-    """Play on with search, a quick one where it suffices, and return the strokes of the episode in its end.
+def play_together(
+    envs: MiniGolfVectorEnv, policy: BatchPolicy, seed: int | None, options: dict[str, Any] | None = None
+) -> list[Played]:
+    """Return how an episode in each environment of a NextStep batch went, from a reset with a seed and options.
 
-    Search looks one putt ahead along the route, which leaves out obstacles: behind a wall nothing brings it closer, and
-    it plays a putt anywhere, the same every time.
+    It goes as ``play_episode`` does with seed + i in environment i.
     """
-    anywhere, over = RandomPolicy(seed=0), False
+    observations, _ = envs.reset(seed=seed, options=options)
+    strokes = np.zeros(envs.num_envs, np.int64)
+    holed, over = np.zeros((2, envs.num_envs), np.bool_)
+    while not over.all():
+        # Who has finished goes on without a count, with putts that cost nothing.
+        putts = np.where(over[:, None], np.float32(0.0), policy.act_many(observations))
+        observations, _, terminated, truncated, infos = envs.step(putts)
+        ended = (terminated | truncated) & ~over
+        strokes[ended], holed[ended] = infos["strokes"][ended], infos["is_success"][ended]
+        over |= ended
+    return [Played(*episode) for episode in zip(strokes.tolist(), holed.tolist(), strict=True)]
+
+
+def strokes_of_search(env: MiniGolfEnv) -> int:
+    """Play on with search and return the strokes of the episode in its end."""
+    over = False
     while not over:
-        plan = search(env, **QUICK)
-        plan = plan if plan.holed else search(env)
-        position = np.array(env.get_state()["position"])
-        gained = float(env.task.distance(position)) - plan.distance
-        action = plan.action if plan.holed or gained > PROGRESS else anywhere.act(np.empty(0, np.float32), env)
-        _, _, terminated, truncated, info = env.step(action)
-        over = terminated or truncated
+        _, _, over, _, info = env.step(search(env).action)
     return int(info["strokes"])
 
 
@@ -129,7 +132,6 @@ def benchmark(
     name: str,
     difficulties: Sequence[str] = DIFFICULTIES,
     levels: int = 200,
-    observation: str = "rays",
     max_strokes: int = 10,
     seed: int = 0,
 ) -> Iterator[SetScore]:
@@ -141,7 +143,6 @@ def benchmark(
         name: a policy, as ``load_policy`` takes it.
         difficulties: of ``courses.procedural.DIFFICULTIES``.
         levels: of each set.
-        observation: what the policy sees.
         max_strokes: of an episode.
         seed: of a random policy.
 
@@ -153,16 +154,20 @@ def benchmark(
     known = [one_of(difficulty, DIFFICULTIES, "difficulty") for difficulty in difficulties]
     policy = load_policy(name, seed)
     for difficulty in known:
-        env = MiniGolfEnv(
-            PROCEDURAL, difficulty=difficulty, observation=observation, max_strokes=max_strokes, tee="fixed"
-        )
+        rules: dict[str, Any] = {"difficulty": difficulty, "max_strokes": max_strokes, "tee": "fixed"}
+        rules |= {"observation": policy.observation}
+        env = MiniGolfEnv(PROCEDURAL, **rules)
         for what, first in (("train", TRAIN), ("held out", HELD_OUT)):
             played, reference = [], []
-            for level in tqdm(range(first, first + levels), f"{difficulty}, {what}", leave=False):
-                options = {"level": level}
-                env.reset(options=options)
+            numbers = range(first, first + levels)
+            for level in tqdm(numbers, f"{difficulty}, {what}", leave=False):
+                env.reset(options={"level": level})
                 reference.append(strokes_of_search(env))
-                played.append(play_episode(env, policy, None, options))
+                if not isinstance(policy, BatchPolicy):
+                    played.append(play_episode(env, policy, None, {"level": level}))
+            if isinstance(policy, BatchPolicy):
+                envs = MiniGolfVectorEnv(levels, PROCEDURAL, start_level=first, num_levels=1, **rules)
+                played = play_together(envs, policy, None, {"level": list(numbers)})
             yield _score(difficulty, what, first, played, reference)
 
 
@@ -185,12 +190,13 @@ def _score(difficulty: str, what: str, first: int, played: list[Played], referen
     )
 
 
-def write_scores(path: Path, policy: str, scores: Sequence[SetScore], **settings: Any) -> None:
-    """Write scores to a JSON file, with what it takes to get them again."""
-    versions = {name: version(name) for name in ("gymnasium", "numpy", "numba")}
+def write_record(path: Path, *libraries: str, **record: Any) -> None:
+    """Write a record to a JSON file, never half of it, with the versions it was made with: of these libraries too."""
+    versions = {name: metadata.version(name) for name in ("gymnasium", "numpy", "numba", *libraries)}
     versions |= {"minigolf_env": __version__, "levels": str(GENERATOR), "python": platform.python_version()}
-    record = {"policy": policy, "versions": versions, "settings": settings, "sets": [asdict(score) for score in scores]}
-    path.write_text(json.dumps(record, indent=2) + "\n")
+    beside = path.with_name(f".{path.name}")
+    beside.write_text(json.dumps({**record, "versions": versions}, indent=2) + "\n")
+    beside.replace(path)
 
 
 def print_benchmark(policy: str, scores: Sequence[SetScore]) -> None:

@@ -10,7 +10,7 @@ import numba
 import numpy as np
 import pytest
 
-from benchmarks import exactness, speed
+from benchmarks import batch, exactness, search, speed
 from benchmarks.energy_figure import draw, spread
 from benchmarks.peers import PEERS, load_peers
 from benchmarks.peers.engine import Minigolf
@@ -70,6 +70,14 @@ def test_exactness_measures_contacts_to_rounding() -> None:
     assert late is not None and late < 1e-13
 
 
+def test_the_batch_is_measured_beside_its_putts(capsys: pytest.CaptureFixture[str]) -> None:
+    """A row for each kind of step, of stable-baselines3's side, and of states; memory takes other processes."""
+    args = batch.Args(envs=3, rounds=1)
+    for table in (batch.beside_the_physics, batch.beside_the_batch, batch.states):
+        table(args)
+    assert sum(line.startswith("| ") for line in capsys.readouterr().out.splitlines()) == 6 + 3 + 3 + 3 * 2
+
+
 def test_a_missing_engine_is_left_out_with_a_word(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -102,6 +110,14 @@ def test_an_unknown_engine_is_refused() -> None:
     """The error lists the known ones."""
     with pytest.raises(ValueError, match=r"expected some of pybullet, .*, received 'havok'"):
         load_peers(["havok"])
+
+
+def test_search_prints_its_table(capsys: pytest.CaptureFixture[str]) -> None:
+    """All rows of the hole appear."""
+    search.main(search.Args(episodes=1, levels=0))
+    printed = capsys.readouterr().out
+    for row in ("random", "thorough at once", "search ", "noise, search blind", "noise, search "):
+        assert f"| {row}" in printed
 
 
 def test_spread_leaves_out_lost_balls() -> None:

@@ -8,8 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from minigolf_env import cli, scoring
+from minigolf_env.envs import MiniGolfEnv
 
 
 def test_wilson_interval_is_the_textbooks() -> None:
@@ -39,7 +41,7 @@ def test_the_benchmark(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> No
     for _ in range(2):
         cli.benchmark("random", ("easy",), levels=2, max_strokes=4, json=path)
         records.append(json.loads(path.read_text()))
-    assert records[0] == records[1]
+    assert records[0] == records[1] and list(tmp_path.iterdir()) == [path]
     assert "held out" in capsys.readouterr().out
     train, held_out = records[0]["sets"]
     assert (train["levels"], train["first_level"], held_out["first_level"]) == ("train", 0, 1_000_000)
@@ -47,6 +49,26 @@ def test_the_benchmark(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> No
     assert train["strokes"] == np.mean([strokes for strokes, _ in train["by_level"]])
     assert train["relative"] == train["strokes"] / np.mean(train["search_by_level"])
     assert {"minigolf_env", "levels", "numpy"} <= set(records[0]["versions"])
+
+
+def test_levels_are_played_together_as_one_after_the_other(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A policy that takes many observations gets the levels' strokes that it would get alone."""
+
+    class Aims:
+        observation = "rays"
+
+        def act(self, observation: NDArray[np.float32], env: MiniGolfEnv) -> NDArray[np.float32]:
+            return np.asarray(observation[6:8] * np.float32(0.9))
+
+    class AimsTogether(Aims):
+        def act_many(self, observations: NDArray[np.float32]) -> NDArray[np.float32]:
+            return np.asarray(observations[:, 6:8] * np.float32(0.9))
+
+    sets = []
+    for policy in (Aims(), AimsTogether()):
+        monkeypatch.setattr(scoring, "load_policy", lambda name, seed, policy=policy: policy)
+        sets.append(list(scoring.benchmark("aims", ("easy",), levels=4, max_strokes=4)))
+    assert sets[0] == sets[1]
 
 
 @pytest.mark.parametrize(

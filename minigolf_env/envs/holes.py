@@ -12,6 +12,24 @@ from minigolf_env.courses import Course
 
 FloatArray = NDArray[np.float64]
 
+SHORTEST = 1e-9
+"""Legs of a route shorter than this are points, m."""
+
+
+class Leg(NamedTuple):
+    """A straight part of the way of play, in plan; each field has the shape of the holes, () or (N,)."""
+
+    start: tuple[FloatArray, FloatArray]
+    """x, y of its beginning, m."""
+    way: tuple[FloatArray, FloatArray]
+    """x, y from its beginning to its end, m."""
+    square: FloatArray
+    """Its squared length, m^2; not zero."""
+    end: tuple[FloatArray, FloatArray]
+    """x, y of its end, m."""
+    after: FloatArray
+    """How long the legs after it are, m."""
+
 
 class Holes(NamedTuple):
     """What the rules know of holes, as arrays; each has a leading shape () for one hole, or (N,) for a hole a ball."""
@@ -26,6 +44,8 @@ class Holes(NamedTuple):
     """Downwards, m/s^2."""
     top_speed: FloatArray
     """Launch speed of a full putt, m/s."""
+    tee: FloatArray
+    """(..., 2, 3) lower and upper corner of where the ball's centre starts, m."""
     bounds: FloatArray
     """(..., 2, 3) lower and upper corner, m."""
     route: FloatArray
@@ -40,8 +60,10 @@ class Holes(NamedTuple):
         """
         if course.cup is None:
             raise ValueError(f"course: expected one with a cup, received {course.name!r}; it has no hole to play.")
+        height = course.tee.height + course.ball_radius
+        tee = [(*corner, height) for corner in (course.tee.lower, course.tee.upper)]
         numbers = (course.cup.position, course.cup.radius, course.ball_radius, abs(course.gravity[2]), top_speed)
-        return Holes(*(np.asarray(number) for number in (*numbers, course.bounds, course.route)))
+        return Holes(*(np.asarray(number) for number in (*numbers, tee, course.bounds, course.route)))
 
     @staticmethod
     def together(holes: Sequence[Holes]) -> Holes:
@@ -56,3 +78,15 @@ class Holes(NamedTuple):
     def of_rows(self, rows: NDArray[np.int64]) -> Holes:
         """Return the holes of some balls."""
         return Holes(*(field[rows] for field in self))
+
+    def legs(self) -> list[Leg]:
+        """Return the legs of the way of play, in their order."""
+        x, y = self.route[..., 0], self.route[..., 1]
+        legs, after = [], np.zeros(x.shape[:-1])
+        for k in reversed(range(x.shape[-1] - 1)):
+            start, end = (x[..., k], y[..., k]), (x[..., k + 1], y[..., k + 1])
+            way = end[0] - start[0], end[1] - start[1]
+            length = np.hypot(*way)
+            legs.append(Leg(start, way, np.maximum(length, SHORTEST) ** 2, end, after))
+            after = after + length
+        return legs[::-1]

@@ -10,7 +10,8 @@ from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
 from minigolf_env.courses import Course
-from minigolf_env.envs.options import check_actions, check_lie, make_setup
+from minigolf_env.envs.options import check_actions, check_lie, make_setup, require_lie
+from minigolf_env.envs.state import read_state, state_of
 from minigolf_env.envs.task import FloatArray, Outcome, Result, action_space
 from minigolf_env.rendering import FPS, RENDER_MODES, Screen, Stage
 
@@ -37,9 +38,10 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
     | 8 | square root of the horizontal distance to the cup, which the speed it takes goes with | 1 is the diagonal |
     | 9 | strokes left | 1 at the tee, 0 after the last |
 
-    With ``observation="rays"`` it is ``Box(-1, 1, (45,), float32)``: these numbers; the way that the ball has free in
+    With ``observation="rays"`` it is ``Box(-1, 1, (48,), float32)``: these numbers; the way that the ball has free in
     32 horizontal directions, the first along x, counter-clockwise, 1 is 4 m or more; how far below it the ground is, 1
-    is 0.5 m or more; and the slope of the ground along x and y.
+    is 0.5 m or more; the slope of the ground along x and y; and, in the same scale on every hole, numbers 6 and 7, 1 is
+    8 m or more, and the cup's height above the ball, m.
 
     With ``observation="pixels"`` it is ``Box(0, 255, (84, 84, 3), uint8)``: the course from above, x to the right and y
     up, the ball drawn large enough to be seen; the white share of the lowest two rows is the share of strokes left.
@@ -136,7 +138,7 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
         super().reset(seed=seed)
         self.task = task or self._tasks.draw(self.np_random)
         if position is None:
-            position = self.task.tee_off(self.np_random)
+            position = self.task.tee_off([self.np_random])[0]
         self._position, self._strokes, self._over = position, 0, False
         self.screen.put(position, self._stage())
         return self._observe(), self._info("tee", 0.0, 0, holed=False)
@@ -147,13 +149,15 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
         if self._over:
             raise ResetNeeded("The episode is over; call reset() before the next step().")
         putt = check_actions(action, (2,))
-        velocity = self.task.launch(putt[None], self.task.disturb([self.np_random]))
+        draws = self.task.disturb([self.np_random]) if self.task.is_noisy else None
+        velocity = self.task.launch(putt[None], draws)
         outcome = self.task.play(before[None], velocity)
         holed = bool(outcome.holed[0])
         self._position = outcome.position[0]
         self._strokes += 1
         self._over = holed or self._strokes >= self.task.max_strokes
-        reward = self.task.rewards(before, self._position, np.array(self._over))
+        potential = self.task.potential
+        reward = self.task.rewards(potential(before), potential(self._position), np.array(self._over))
         status = Result(int(outcome.result[0])).name.lower()
         info = self._info(status, float(outcome.time[0]), int(outcome.bounces[0]), holed=holed)
         self.screen.putt(before, velocity[0], self._position)
@@ -175,13 +179,7 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
 
     def get_state(self) -> dict[str, Any]:
         """Return the episode's state, all that ``set_state`` needs to go on from here: plain values, a copy."""
-        return {
-            "position": tuple(self._ball().tolist()),
-            "strokes": self._strokes,
-            "over": self._over,
-            **self._level(),
-            "np_random": self.np_random.bit_generator.state,
-        }
+        return state_of(self.task, self._ball(), self._strokes, self._over, self.np_random)
 
     def set_state(self, state: dict[str, Any]) -> None:
         """Go on from a state that ``get_state`` returned, or one with a "position" of your own (other keys optional).
@@ -189,23 +187,13 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
         Raises:
             ValueError: the ball would not lie in free space within the bounds, or a value is not what it should be.
         """
-        unknown = set(state) - {"position", "strokes", "over", "np_random", "level"}
-        if unknown or "position" not in state:
-            raise ValueError(f"state: expected 'position' and what get_state() returns, received {sorted(state)}.")
-        over = bool(state.get("over", False))
-        task = self._tasks.level(state["level"]) if "level" in state else self.task
-        position = np.array(state["position"], dtype=np.float64) if over else check_lie(task, state["position"])
-        strokes = state.get("strokes", 0)
-        if not (isinstance(strokes, (int, np.integer)) and 0 <= strokes <= self.task.max_strokes):
-            raise ValueError(f"strokes: expected an integer from 0 to {self.task.max_strokes}, received {strokes!r}.")
-        if "np_random" in state:
-            try:
-                self.np_random.bit_generator.state = state["np_random"]
-            except (KeyError, TypeError, ValueError) as error:
-                raise ValueError(f"np_random: expected a state of numpy's PCG64 generator; {error}") from error
-        self.task = task
-        self._position, self._strokes, self._over = position, int(strokes), over
-        self.screen.put(position, self._stage())
+        episode = read_state(state, self._tasks, self.task)
+        if not episode.over:
+            require_lie(episode.task, episode.position)
+        if episode.np_random is not None:
+            self.np_random.bit_generator.state = episode.np_random
+        self.task, self._position, self._strokes, self._over = episode[:4]
+        self.screen.put(episode.position, self._stage())
 
     def _ball(self) -> NDArray[np.float64]:
         if self._position is None:
@@ -224,12 +212,8 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
             "shot_time": time,
             "bounces": bounces,
             "course": self.task.course.name,
-            **self._level(),
+            **({} if self.task.level is None else {"level": self.task.level}),
         }
-
-    def _level(self) -> dict[str, int]:
-        """Return the level's number by its key; nothing on a course without levels."""
-        return {} if self.task.level is None else {"level": self.task.level}
 
     def _stage(self) -> Stage:
         return Stage(self.task.course, self.task.trace)

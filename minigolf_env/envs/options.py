@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from gymnasium.vector import AutoresetMode
+from numpy.typing import ArrayLike, NDArray
 
 from minigolf_env.courses import Course, load_course
 from minigolf_env.courses.procedural import DIFFICULTIES, LEVELS_KEPT, PROCEDURAL, level_name
@@ -22,6 +23,7 @@ from minigolf_env.rendering import CAMERAS, PROFILES, Settings, check_size
 TEES = ("random", "fixed")
 
 NOISE = "give the standard deviations of direction (degrees) and speed (share of it)."
+LIE = "give the ball's centre, m."
 PUTT = "a putt is a vector x, y; its length, up to 1, is the share of the top speed."
 
 
@@ -129,7 +131,7 @@ def make_task(
         reward=one_of(reward, REWARDS, "reward"),
         max_strokes=max_strokes,
         random_tee=one_of(tee, TEES, "tee") == "random",
-        putt_noise=_noise(putt_noise),
+        putt_noise=check_noise(putt_noise),
         level=level,
     )
 
@@ -141,25 +143,59 @@ def check_actions(actions: ArrayLike, shape: tuple[int | None, ...]) -> FloatArr
 
 def check_lie(task: Task, position: ArrayLike) -> FloatArray:
     """Return a ball's centre (3,) as an array if the ball can lie there, or raise a ValueError."""
-    ball = task.world.require_free(finite_array(position, (3,), "position", "give the ball's centre, m."))
-    lower, upper = np.asarray(task.course.bounds)
-    if not ((lower <= ball) & (ball <= upper)).all():
-        raise ValueError(
-            f"position: expected a place within the course's bounds {lower.tolist()} to {upper.tolist()}, "
-            f"received {ball.tolist()}; the ball would be out of bounds."
-        )
+    ball = finite_array(position, (3,), "position", LIE)
+    require_lie(task, ball)
     return ball
 
 
-def _make_level(difficulty: str, rules: dict[str, Any], level: int) -> Task:
-    return make_task(level_name(difficulty, level), level=level, **rules)
+def require_lie(task: Task, balls: FloatArray) -> None:
+    """Raise a ValueError unless balls (3,) or (N, 3) can lie there: in free space within the bounds."""
+    task.world.require_free(balls)
+    lower, upper = np.asarray(task.course.bounds)
+    outside = ((balls < lower) | (balls > upper)).any(axis=-1)
+    if outside.any():
+        raise ValueError(
+            f"position: expected a place within the course's bounds {lower.tolist()} to {upper.tolist()}, "
+            f"received {balls[outside].reshape(-1, 3)[0].tolist()}; the ball would be out of bounds."
+        )
 
 
-def _noise(value: tuple[float, float]) -> tuple[float, float]:
+def check_autoreset(mode: str | AutoresetMode) -> AutoresetMode:
+    """Return when a batch resets, or raise a ValueError."""
+    known = [m.value for m in AutoresetMode]
+    if mode not in known and mode not in list(AutoresetMode):
+        raise ValueError(f"autoreset_mode: expected one of {known}, received {mode!r}.")
+    return AutoresetMode(mode)
+
+
+def check_mask(mask: Any, n: int) -> NDArray[np.int64]:
+    """Return which of n environments a mask (n,) chooses, all without one; or raise a ValueError."""
+    if mask is None:
+        return np.arange(n)
+    if not (isinstance(mask, np.ndarray) and mask.dtype == np.bool_ and mask.shape == (n,) and mask.any()):
+        raise ValueError(f"reset_mask: expected a bool array of shape ({n},) with a True in it, received {mask!r:.80}.")
+    return np.flatnonzero(mask)
+
+
+def one_each(value: Any, n: int, what: str) -> list[Any]:
+    """Return the values of n environments from a sequence of them, or raise a ValueError."""
+    values = list(value) if isinstance(value, (Sequence, np.ndarray)) and not isinstance(value, str) else None
+    if values is None or len(values) != n:
+        received = f"{value!r:.80}" if values is None else f"{len(values)}"
+        raise ValueError(f"{what}: expected {n}, one for each environment, received {received}.")
+    return values
+
+
+def check_noise(value: tuple[float, float]) -> tuple[float, float]:
+    """Return standard deviations of direction (degrees) and speed (share of it), or raise a ValueError."""
     degrees, share = finite_array(value, (2,), "putt_noise", NOISE).tolist()
     if degrees < 0.0 or share < 0.0:
         raise ValueError(f"putt_noise: expected numbers >= 0, received {value!r}; {NOISE}")
     return degrees, share
+
+
+def _make_level(difficulty: str, rules: dict[str, Any], level: int) -> Task:
+    return make_task(level_name(difficulty, level), level=level, **rules)
 
 
 @functools.lru_cache(maxsize=LEVELS_KEPT)

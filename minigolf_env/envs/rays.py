@@ -9,7 +9,7 @@ import numpy as np
 from gymnasium.spaces import Box, Space
 from numpy.typing import NDArray
 
-from minigolf_env.envs.task import OBSERVATION, FloatArray, Game
+from minigolf_env.envs.task import OBSERVATION, FloatArray, Game, columns
 
 RAYS = 32
 """Horizontal directions, the first along x, counter-clockwise."""
@@ -23,6 +23,9 @@ LIFT = 1.0
 DEPTH = 0.5
 """How far below the ball the ground is looked for, m."""
 
+SHORTEST = 1e-9
+"""The least length that a direction is computed with, m."""
+
 STEEPEST = 0.1
 """The least upward part of a normal that a slope is computed with."""
 
@@ -31,14 +34,21 @@ WAYS = REACH * np.stack([np.cos(TURNS), np.sin(TURNS), np.zeros(RAYS)], axis=-1)
 GROUND = 3
 """Numbers about the ground: how far below the ball, and the slope along x and y."""
 
+CUP = 3
+"""Numbers about the cup in a scale that is the same on every hole: the straight putt along x and y, and the height."""
+
+AWAY, ABOVE = 8.0, 1.0
+"""How far the cup is at most, horizontally and vertically, m."""
+
 
 def ray_space() -> Space[NDArray[np.float32]]:
-    """Return the space of "rays" observations: "state"'s 10 numbers, RAYS distances, GROUND numbers of the ground."""
-    return cast(Space[NDArray[np.float32]], Box(-1.0, 1.0, (len(OBSERVATION) + RAYS + GROUND,), np.float32))
+    """Return the space of "rays" observations: "state"'s 10 numbers, RAYS distances, GROUND and CUP numbers."""
+    numbers = len(OBSERVATION) + RAYS + GROUND + CUP
+    return cast(Space[NDArray[np.float32]], Box(-1.0, 1.0, (numbers,), np.float32))
 
 
 def observe_rays(game: Game, positions: FloatArray, strokes: NDArray[np.int64]) -> NDArray[np.float32]:
-    """Return observations (N, 45) of balls at positions (N, 3), m, after a number of strokes (N,).
+    """Return observations (N, 48) of balls at positions (N, 3), m, after a number of strokes (N,).
 
     A ray is the way that the ball itself has free in its direction, by the exact sweep. Where it has no room to be
     lifted (under a low roof) it is swept from where it lies.
@@ -53,5 +63,10 @@ def observe_rays(game: Game, positions: FloatArray, strokes: NDArray[np.int64]) 
     slopes = -normals[:, :2] / np.maximum(normals[:, 2:], STEEPEST)
     slopes[~np.asarray(ground.hit)] = 0.0
     distances = np.asarray(rays.alpha).reshape(-1, RAYS)
-    felt = np.concatenate([distances, np.asarray(ground.alpha)[:, None], np.clip(slopes, -1.0, 1.0)], axis=1)
+    x, y, height = columns(game.holes.cup - positions)
+    away = np.hypot(x, y)
+    # As long as the root of the distance, and 1 from AWAY on.
+    scale = np.maximum(np.maximum(np.sqrt(AWAY * away), away), SHORTEST)
+    cup = np.stack([x / scale, y / scale, height / ABOVE], axis=-1)
+    felt = np.clip(np.concatenate([distances, np.asarray(ground.alpha)[:, None], slopes, cup], axis=1), -1.0, 1.0)
     return np.concatenate([game.observe(positions, strokes), felt.astype(np.float32)], axis=1)

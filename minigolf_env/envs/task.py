@@ -6,9 +6,10 @@ Every function takes one ball or many: arrays have any leading shape (...). Ther
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
+from functools import cached_property
 from typing import NamedTuple, cast
 
 import numpy as np
@@ -16,7 +17,7 @@ from gymnasium.spaces import Box, Space
 from numpy.typing import NDArray
 
 from minigolf_env.courses import Course, Cup
-from minigolf_env.envs.holes import Holes
+from minigolf_env.envs.holes import Holes, Leg
 from minigolf_env.physics import Status, World, WorldBatch
 
 FloatArray = NDArray[np.float64]
@@ -39,9 +40,6 @@ OBSERVATION = (
 """What the numbers of a "state" observation mean; MiniGolfEnv's docstring gives their scales."""
 
 REWARDS = ("strokes", "shaped")
-
-SHORTEST = 1e-9
-"""Legs of a route shorter than this are points, m."""
 
 STROKES_TO_FINISH = (1.0, 0.3)
 """Strokes still needed, as shaping guesses them: one, and 0.3 for each metre along the course."""
@@ -67,6 +65,11 @@ class Outcome(NamedTuple):
     """How long the ball moved, s."""
     bounces: NDArray[np.int64]
 
+    def reshape(self, *shape: int) -> Outcome:
+        """Return the same strokes in another leading shape."""
+        position, result, time, bounces = self
+        return Outcome(position.reshape(*shape, 3), result.reshape(shape), time.reshape(shape), bounces.reshape(shape))
+
     @property
     def holed(self) -> NDArray[np.bool_]:
         """Whether the ball is in the cup."""
@@ -81,6 +84,11 @@ def action_space() -> Space[NDArray[np.float32]]:
 def observation_space() -> Space[NDArray[np.float32]]:
     """Return the space of "state" observations (10,)."""
     return cast(Space[NDArray[np.float32]], Box(-1.0, 1.0, (len(OBSERVATION),), np.float32))
+
+
+def columns(array: FloatArray) -> tuple[FloatArray, ...]:
+    """Return x, y and z (...) of vectors (..., 3), for arithmetic with whole columns: rows of three take ten times."""
+    return tuple(array[..., k] for k in range(array.shape[-1]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,11 +113,26 @@ class Game:
     random_tee: bool
     putt_noise: tuple[float, float]
 
-    def disturb(self, rngs: Sequence[np.random.Generator]) -> FloatArray | None:
-        """Return standard normal numbers (N, 2) to disturb putts with, each from its own stream; None without noise."""
-        if not any(self.putt_noise):
-            return None
-        return np.array([rng.standard_normal(2) for rng in rngs]).reshape(-1, 2)
+    def tee_off(self, rngs: Collection[np.random.Generator]) -> FloatArray:
+        """Return balls' centres (N, 3), m, in the tee box: in its middle, or anywhere, each by its own stream."""
+        lower, upper = self.holes.tee[..., 0, :], self.holes.tee[..., 1, :]
+        shares = np.full((len(rngs), 3), 0.5)
+        if self.random_tee:
+            for rng, share in zip(rngs, shares[:, :2], strict=True):
+                rng.random(out=share)
+        return np.asarray(lower + shares * (upper - lower))
+
+    @property
+    def is_noisy(self) -> bool:
+        """Whether putts are disturbed."""
+        return any(self.putt_noise)
+
+    def disturb(self, rngs: Collection[np.random.Generator]) -> FloatArray:
+        """Return standard normal numbers (N, 2) to disturb putts with, each from its own stream."""
+        draws = np.empty((len(rngs), 2))
+        for rng, draw in zip(rngs, draws, strict=True):
+            rng.standard_normal(out=draw)
+        return draws
 
     def launch(self, actions: FloatArray, draws: FloatArray | None = None) -> FloatArray:
         """Return launch velocities (..., 3), m/s, of actions (..., 2).
@@ -142,62 +165,63 @@ class Game:
 
         To leave, a ball must pass over the rim's edge, its centre one radius above it.
         """
-        holes = self.holes
-        offset = positions - holes.cup
-        inside = np.hypot(offset[..., 0], offset[..., 1]) < holes.cup_radius
-        rim = holes.cup[..., 2]
-        below = positions[..., 2] < rim
-        climb = np.sum(velocities * velocities, axis=-1) / (2.0 * holes.gravity)
-        return np.asarray(inside & below & (positions[..., 2] + climb < rim + holes.ball_radius))
+        (x, y, z), (u, v, w) = columns(positions), columns(velocities)
+        cup_x, cup_y, rim = columns(self.holes.cup)
+        inside = np.hypot(x - cup_x, y - cup_y) < self.holes.cup_radius
+        climb = (u * u + v * v + w * w) / (2.0 * self.holes.gravity)
+        return np.asarray(inside & (z < rim) & (z + climb < rim + self.holes.ball_radius))
 
     def distance(self, positions: FloatArray) -> FloatArray:
         """Return the distance along the course from positions (..., 3) to the cup, m.
 
         Straight to the end of the nearest leg of the course's route, and on along the route.
         """
-        route = self.holes.route
-        starts, ends = route[..., :-1, :], route[..., 1:, :]
-        legs = ends - starts
-        lengths = np.hypot(legs[..., 0], legs[..., 1])
-        after = np.cumsum(lengths[..., :0:-1], axis=-1)[..., ::-1]
-        remaining = np.concatenate([after, np.zeros((*after.shape[:-1], 1))], axis=-1)
-        offset = positions[..., None, :2] - starts
-        share = np.clip(np.sum(offset * legs, axis=-1) / np.maximum(lengths, SHORTEST) ** 2, 0.0, 1.0)
-        away = offset - share[..., None] * legs
-        leg = np.argmin(np.sum(away * away, axis=-1), axis=-1)[..., None]
-        ahead = np.take_along_axis(np.broadcast_to(ends, offset.shape), leg[..., None], axis=-2)[..., 0, :]
-        left = np.take_along_axis(np.broadcast_to(remaining, share.shape), leg, axis=-1)[..., 0]
-        ahead = ahead - positions[..., :2]
-        return np.asarray(np.hypot(ahead[..., 0], ahead[..., 1]) + left)
+        x, y, _ = columns(positions)
+        nearest, distance = np.asarray(np.inf), np.asarray(0.0)
+        for leg in self._legs:
+            dx, dy = x - leg.start[0], y - leg.start[1]
+            share = np.minimum(np.maximum((dx * leg.way[0] + dy * leg.way[1]) / leg.square, 0.0), 1.0)
+            dx, dy = dx - share * leg.way[0], dy - share * leg.way[1]
+            away = dx * dx + dy * dy
+            left = np.hypot(leg.end[0] - x, leg.end[1] - y) + leg.after
+            nearest, distance = np.minimum(nearest, away), np.where(away < nearest, left, distance)
+        return distance
+
+    @cached_property
+    def _legs(self) -> list[Leg]:
+        return self.holes.legs()
 
     def observe(self, positions: FloatArray, strokes: NDArray[np.int64]) -> NDArray[np.float32]:
         """Return observations (..., 10) of balls at positions (..., 3) after a number of strokes (...)."""
-        lower, upper = self.holes.bounds[..., 0, :], self.holes.bounds[..., 1, :]
-        sides = upper - lower
-        reach = np.sqrt(sides[..., 0] * sides[..., 0] + sides[..., 1] * sides[..., 1])[..., None]
-        place = 2.0 * (positions - lower) / sides - 1.0
-        to_cup = self.holes.cup - positions
-        away = np.hypot(to_cup[..., 0], to_cup[..., 1])[..., None]
+        ball, lower, upper = columns(positions), *(columns(self.holes.bounds[..., k, :]) for k in (0, 1))
+        sides = [high - low for high, low in zip(upper, lower, strict=True)]
+        reach = np.sqrt(sides[0] * sides[0] + sides[1] * sides[1])
+        place = [2.0 * (p - low) / side - 1.0 for p, low, side in zip(ball, lower, sides, strict=True)]
+        to_cup = [c - p for c, p in zip(columns(self.holes.cup), ball, strict=True)]
+        away = np.hypot(to_cup[0], to_cup[1])
         root = np.sqrt(away / reach)
-        straight = root * to_cup[..., :2] / np.maximum(away, 1e-9)
-        left = np.asarray(1.0 - np.asarray(strokes) / self.max_strokes)[..., None]
-        numbers = [place, to_cup / reach, straight, root, left]
-        return np.asarray(np.clip(np.concatenate(numbers, axis=-1), -1.0, 1.0), dtype=np.float32)
+        straight = [root * way / np.maximum(away, 1e-9) for way in to_cup[:2]]
+        left = np.asarray(1.0 - np.asarray(strokes) / self.max_strokes)
+        numbers = np.stack([*place, *(way / reach for way in to_cup), *straight, root, left], axis=-1)
+        return np.clip(numbers, -1.0, 1.0, out=numbers).astype(np.float32)
 
-    def rewards(self, before: FloatArray, after: FloatArray, ended: NDArray[np.bool_]) -> FloatArray:
-        """Return the rewards (...) of strokes from ``before`` (..., 3) to ``after`` (..., 3).
+    def potential(self, positions: FloatArray) -> FloatArray:
+        """Return the potential (...) of balls at positions (..., 3): minus the strokes still needed, as a guess.
 
-        "strokes" is -1. "shaped" adds the change of a potential, minus the strokes still needed as a guess, that is
-        zero where the episode has ended: over an episode it adds a constant, so that the best policy stays the best.
+        Zero with the reward "strokes".
         """
-        stroke = np.full(before.shape[:-1], -1.0)
         if self.reward == "strokes":
-            return stroke
-        return stroke + np.where(ended, 0.0, self._potential(after)) - self._potential(before)
-
-    def _potential(self, positions: FloatArray) -> FloatArray:
+            return np.zeros(positions.shape[:-1])
         putt, metre = STROKES_TO_FINISH
         return -(putt + metre * self.distance(positions))
+
+    def rewards(self, before: FloatArray, after: FloatArray, ended: NDArray[np.bool_]) -> FloatArray:
+        """Return the rewards (...) of strokes between places of the potentials ``before`` and ``after`` (...).
+
+        "strokes" is -1. "shaped" adds the change of the potential, which is zero where the episode has ended: over an
+        episode it adds a constant, so that the best policy stays the best.
+        """
+        return np.asarray(-1.0 + np.where(ended, 0.0, after) - before)
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,13 +251,6 @@ class Task(Game):
         """Launch speed of a full putt, m/s."""
         return float(self.holes.top_speed)
 
-    def tee_off(self, rng: np.random.Generator) -> FloatArray:
-        """Return a ball's centre (3,), m, in the tee box: anywhere in it, or in its middle."""
-        tee = self.course.tee
-        lower, upper = np.asarray(tee.lower), np.asarray(tee.upper)
-        shares = rng.random(2) if self.random_tee else 0.5
-        return np.append(lower + shares * (upper - lower), tee.height + self.course.ball_radius)
-
     def trace(self, position: FloatArray, velocity: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the path (T, 3), m, that a ball takes from a position and velocity (3,), and its times (T,), s."""
         shot = self.world.simulate(position, velocity, MAX_TIME, record=True)
@@ -257,7 +274,7 @@ def together(tasks: Sequence[Task]) -> Game:
 
 
 def of_rows(game: Game, rows: NDArray[np.int64]) -> Game:
-    """Return the game of some of the balls."""
+    """Return the game of some of the balls, each as often as it is among the rows."""
     if not isinstance(game.world, WorldBatch):
         return game
     worlds = game.world.worlds

@@ -7,7 +7,8 @@ rows come to is the same bits either way.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,22 +61,17 @@ def sweep_rows(
 def clearance_rows(scenes: Sequence[Scene], positions: FloatArray) -> FloatArray:
     """Return the distances (N,) from the skin of balls at positions (N, 3) to the nearest triangle."""
     clearances = np.empty(len(positions))
-
-    def run(first: int, last: int) -> None:
-        for a, b, scene in _spans(scenes, len(positions), first, last):
-            kernels.clearance_range(a, b, scene, positions, clearances)
-
-    with announced_compilation("clearance"):
-        if len(positions) <= FEW:
-            run(0, len(positions))
-        else:
-            in_parallel(run, len(positions))
+    _ask(kernels.clearance_range, scenes, positions, clearances)
     return clearances
 
 
 def check_clear(scenes: Sequence[Scene], p: FloatArray, scales: float | FloatArray) -> None:
     """Raise a ValueError for the first ball, of centres (3,) or (N, 3), that intersects a mesh; scales () or (N,)."""
     centres = p.reshape(-1, 3)
+    doubts = np.empty(len(centres), np.bool_)
+    _ask(kernels.doubt_range, scenes, centres, doubts)
+    if not doubts.any():
+        return
     clearances = clearance_rows(scenes, centres)
     deep = clearances < -2.0 * TOLERANCE * np.maximum(scales, np.abs(centres).max(axis=1, initial=0.0))
     if deep.any():
@@ -85,6 +81,25 @@ def check_clear(scenes: Sequence[Scene], p: FloatArray, scales: float | FloatArr
             f"{which}: expected a ball in free space, received {centres[i].tolist()}, {-clearances[i]:.3g} m deep in a "
             f"surface; its centre must be at least {scenes[0].radius:g} m from every triangle."
         )
+
+
+def _ask(
+    kernel: Callable[[int, int, Scene, FloatArray, Any], None],
+    scenes: Sequence[Scene],
+    positions: FloatArray,
+    answers: NDArray[Any],
+) -> None:
+    """Let a kernel write an answer for each ball at positions (N, 3)."""
+
+    def run(first: int, last: int) -> None:
+        for a, b, scene in _spans(scenes, len(positions), first, last):
+            kernel(a, b, scene, positions, answers)
+
+    with announced_compilation("clearance"):
+        if len(positions) <= FEW:
+            run(0, len(positions))
+        else:
+            in_parallel(run, len(positions))
 
 
 def shot_of(positions: FloatArray, velocities: FloatArray, results: NDArray[np.void]) -> Shot:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import functools
+import os
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from itertools import pairwise
 from typing import Any
 
@@ -18,12 +20,24 @@ def in_parallel(run: Callable[..., None], n: int, *arguments: Any) -> None:
     """Call run(first, last, *arguments) on pieces of range(n), on as many threads as numba is set to use.
 
     Plain threads, because the kernels release the GIL: no threading layer that a fork breaks, no second compilation.
+    They are kept: to start them takes as long as a thousand balls that lie still.
     """
     threads = min(numba.get_num_threads(), n)
     if threads <= 1:
         return run(0, n, *arguments)
     ends = np.linspace(0, n, min(n, CHUNKS * threads) + 1).astype(int).tolist()
-    with ThreadPoolExecutor(threads) as pool:
-        for done in [pool.submit(run, a, b, *arguments) for a, b in pairwise(ends)]:
-            done.result()
+    pool = _threads(threads)
+    done = [pool.submit(run, a, b, *arguments) for a, b in pairwise(ends)]
+    wait(done)
+    for piece in done:
+        piece.result()
     return None
+
+
+@functools.cache
+def _threads(many: int) -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(many)
+
+
+if hasattr(os, "register_at_fork"):  # A child process has none of its parent's threads, and starts its own.
+    os.register_at_fork(after_in_child=_threads.cache_clear)

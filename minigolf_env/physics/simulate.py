@@ -21,7 +21,7 @@ from minigolf_env.physics.contact import (
 )
 from minigolf_env.physics.kernel import entry_kernel, kernel, merged_kernel
 from minigolf_env.physics.neighbourhood import Neighbourhood, no_neighbourhood, sweep_near
-from minigolf_env.physics.sweep import distance, sweep
+from minigolf_env.physics.sweep import distance, is_near, sweep
 from minigolf_env.physics.types import ZERO, FloatArray, RecordArray, Scene, Status, Vec3
 from minigolf_env.physics.vec3 import along, dot, norm, scale, vec3
 
@@ -218,3 +218,10 @@ def clearance_range(first: int, last: int, scene: Scene, positions: FloatArray, 
     """Write the distance from the skin of balls first to last - 1 to the nearest triangle."""
     for i in range(first, last):
         clearances[i] = distance(scene, vec3(positions[i])) - scene.radius
+
+
+@entry_kernel
+def doubt_range(first: int, last: int, scene: Scene, positions: FloatArray, doubts: NDArray[np.bool_]) -> None:
+    """Write whether balls first to last - 1 may be deeper than ``eps`` in a triangle; the others surely are not."""
+    for i in range(first, last):
+        doubts[i] = is_near(scene, vec3(positions[i]), scene.radius - 1.5 * scene.eps)

@@ -103,6 +103,17 @@ def distance(scene: Scene, p: Vec3) -> float:
 
 
 @kernel
+def is_near(scene: Scene, p: Vec3, reach: float) -> bool:
+    """Return whether a triangle is nearer than ``reach`` to the point p: sooner told than how near the nearest is."""
+    leaf = next_leaf_within(scene.nodes, ZERO, p, reach)
+    while leaf >= 0:
+        if _distance_in_leaf(scene, leaf, p) < reach:
+            return True
+        leaf = next_leaf_within(scene.nodes, ZERO + scene.nodes[leaf]["skips"][0], p, reach)
+    return False
+
+
+@kernel
 def _distance_in_leaf(scene: Scene, leaf: int, p: Vec3) -> float:
     best = np.inf
     node = scene.nodes[leaf]

@@ -76,7 +76,8 @@ class Game:
     def start(self, hole: str) -> None:
         """Go to a hole's tee; its row on the card becomes empty."""
         self.hole = hole
-        self._env, self._rival_env = MiniGolfEnv(hole, tee="fixed"), MiniGolfEnv(hole, tee="fixed")
+        seen = "state" if self._policy is None else self._policy.observation
+        self._env, self._rival_env = MiniGolfEnv(hole, tee="fixed"), MiniGolfEnv(hole, tee="fixed", observation=seen)
         self._env.reset(seed=0)
         self._seen, _ = self._rival_env.reset(seed=0)
         self._past: list[dict[str, Any]] = []

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from tqdm import tqdm
 
@@ -53,7 +53,8 @@ def film(
     check_whole(seed, 0, 2**63, "seed", "0 will do.")
     one_of(profile, PROFILES, "profile")
     player = load_policy(policy, seed)
-    look = {"render_size": size, "camera": camera, "render_profile": profile}
+    look: dict[str, Any] = {"render_size": size, "camera": camera, "render_profile": profile}
+    look |= {"observation": player.observation}
     # Each episode has its own environment, which remembers its putts: what is to be drawn is known before it is drawn.
     stages = [MiniGolfEnv(course, "rgb_array_list", **look) for _ in range(episodes)]
     playing = tqdm(stages, "Playing", leave=False, disable=None)

@@ -12,7 +12,8 @@ from gymnasium.vector import AutoresetMode, VectorEnv, VectorWrapper
 from numpy.typing import NDArray
 
 from minigolf_env.envs import MiniGolfVectorEnv
-from minigolf_env.envs.minigolf_vector import Actions, Flags, Observations
+from minigolf_env.envs.attributes import Actions, Observations
+from minigolf_env.envs.minigolf_vector import Flags
 from minigolf_env.rendering import tile
 from minigolf_env.wrappers.recorder import RECORDABLE, Recorder, Trigger
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from stable_baselines3 import PPO
 
-from agents import train_ppo
+from agents import runs, train_ppo
 
 TINY = train_ppo.Args(
     putts=256,
@@ -40,13 +40,13 @@ def test_an_interrupted_run_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     """Ctrl-C saves; --resume plays just the putts that were left, with the run's own arguments."""
     folder = tmp_path / "run"
 
-    def interrupt(callback: train_ppo.Checkpoints) -> bool:
+    def interrupt(callback: runs.Checkpoints) -> bool:
         if callback.num_timesteps >= TINY.putts / 2:
             raise KeyboardInterrupt
         return True
 
     with monkeypatch.context() as patched:
-        patched.setattr(train_ppo.Checkpoints, "_on_step", interrupt)
+        patched.setattr(runs.Checkpoints, "_on_step", interrupt)
         with pytest.raises(SystemExit, match="--resume"):
             train_ppo.main(dataclasses.replace(TINY, out=folder))
     interrupted = PPO.load(folder / "checkpoint.zip").num_timesteps
@@ -60,10 +60,3 @@ def test_resuming_nothing_is_refused(tmp_path: Path) -> None:
     """A folder without a run ends the program with one line."""
     with pytest.raises(SystemExit, match="resume"):
         train_ppo.main(train_ppo.Args(resume=tmp_path))
-
-
-def test_the_learning_rate_falls_to_zero() -> None:
-    """It is proportional to the share of the putts left, and ends with the minutes."""
-    schedule = train_ppo.Schedule(1e-3, minutes=60.0)
-    assert schedule(0.5) == pytest.approx(0.5e-3) and schedule(0.0) == 0.0
-    assert train_ppo.Schedule(1e-3, minutes=1e-9)(1.0) == 0.0

@@ -14,9 +14,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from agents import evaluate, train_rllib
+from agents import train_rllib
 from agents.cluster import connect
-from minigolf_env.policies import load_policy
+from minigolf_env.evaluation import evaluate
+from minigolf_env.policies import PredictPolicy
 
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::ResourceWarning")
 
@@ -48,11 +49,13 @@ def args(cluster: Any, tmp_path: Path) -> train_rllib.Args:
     return train_rllib.Args(
         course=str(course),
         putts=12_000,
-        minutes=60.0,
         out=tmp_path / "run",
         address=cluster.address,
         num_envs=64,
         batch_size=256,
+        # The defaults are for 30 times as many putts: in so few they end at two strokes, with a tap-in.
+        gamma=0.9,
+        log_std=(-1.5, -2.5),
         check_every=4_000,
         check_episodes=20,
         final_episodes=50,
@@ -60,46 +63,64 @@ def args(cluster: Any, tmp_path: Path) -> train_rllib.Args:
     )
 
 
-def where(run: train_rllib.Run) -> list[tuple[str, int]]:
+def where(training: train_rllib.Training) -> list[tuple[str, int]]:
     """Return the node and the process of each worker."""
     import ray
 
     def here(_: Any) -> tuple[str, int]:
         return ray.get_runtime_context().get_node_id(), os.getpid()
 
-    return sorted(run.algorithm.env_runner_group.foreach_env_runner(here, local_env_runner=False))
+    return sorted(training.algorithm.env_runner_group.foreach_env_runner(here, local_env_runner=False))
+
+
+def noise_of(training: train_rllib.Training) -> list[float]:
+    """Return log_std as the learner has it and each worker."""
+    name = "pi.log_std"
+    states = training.algorithm.env_runner_group.foreach_env_runner(
+        lambda worker: worker.module.get_state()[name], local_env_runner=False
+    )
+    mine = training.algorithm.learner_group.get_weights()[train_rllib.MODULE][name]
+    return np.concatenate([mine, *states]).tolist()
 
 
 def test_scores_improve_and_a_killed_worker_is_replaced(
     args: train_rllib.Args, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A worker of each node plays; one is killed at the first checkpoint; the hole is learned all the same."""
+    """A worker of each node plays; one is killed at the first checkpoint; the hole is learned all the same.
+
+    The noise has gone all its way by then, on the learner and on the workers, the new one too.
+    """
     assert args.out is not None
     places: list[list[tuple[str, int]]] = []
+    noises: list[list[float]] = []
     first_strokes: list[float] = []
-    lend, check = train_rllib.Run.lend, train_rllib.Run.check
+    lend, check = train_rllib.Training.lend, train_rllib.Training.check
 
-    def score(run: train_rllib.Run) -> float:
-        options = evaluate.Args(course=args.course, episodes=50)
-        return evaluate.evaluate(load_policy(run.export("first.zip")), "first", options, quiet=True).strokes
+    def score(training: train_rllib.Training) -> float:
+        training.carry()
+        policy = PredictPolicy(training.model, args.observation)
+        return evaluate(policy, "first", args.course, episodes=50, quiet=True).strokes
 
-    def lend_and_score(run: train_rllib.Run) -> None:
-        lend(run)
-        first_strokes.append(score(run))
+    def lend_and_score(training: train_rllib.Training) -> None:
+        lend(training)
+        first_strokes.append(score(training))
 
-    def check_and_kill(run: train_rllib.Run) -> None:
-        check(run)
-        places.append(where(run))
+    def check_and_kill(training: train_rllib.Training) -> None:
+        check(training)
+        places.append(where(training))
+        noises.append(noise_of(training))
         if len(places) == 1:
             os.kill(places[0][0][1], signal.SIGKILL)
 
-    monkeypatch.setattr(train_rllib.Run, "lend", lend_and_score)
-    monkeypatch.setattr(train_rllib.Run, "check", check_and_kill)
+    monkeypatch.setattr(train_rllib.Training, "lend", lend_and_score)
+    monkeypatch.setattr(train_rllib.Training, "check", check_and_kill)
     random, learned = train_rllib.main(args)
     assert learned.strokes < 1.5 < random.strokes < first_strokes[0]
     (first, second), after = places[0], places[-1]
     assert first[0] != second[0], "a worker on each node"
     assert second in after and first not in after and len(after) == 2, "one of them replaced"
+    assert args.log_std[1] < min(noises[0]) == max(noises[0]) < args.log_std[0]
+    assert np.allclose(noises[-1], args.log_std[1]) and len(noises[-1]) == 6
     assert json.loads((args.out / "progress.json").read_text())["putts"] >= args.putts
 
 
@@ -107,22 +128,22 @@ def test_an_interrupted_run_goes_on(args: train_rllib.Args, monkeypatch: pytest.
     """Ctrl-C saves; --resume has the same weights, plays the putts that were left, and nothing half-written stays."""
     assert args.out is not None
     weights: list[dict[str, Any]] = []
-    save, learn = train_rllib.Run.save, train_rllib.Run.learn
+    keep, learn = train_rllib.Training.keep, train_rllib.Training.learn
 
-    def remember(run: train_rllib.Run) -> None:
-        weights.append(run.algorithm.learner_group.get_weights()[train_rllib.MODULE])
+    def remember(training: train_rllib.Training) -> None:
+        weights.append(training.algorithm.learner_group.get_weights()[train_rllib.MODULE])
 
-    def interrupt(run: train_rllib.Run) -> None:
+    def interrupt(training: train_rllib.Training) -> None:
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patched:
-        patched.setattr(train_rllib.Run, "check", interrupt)
-        patched.setattr(train_rllib.Run, "save", lambda run: (remember(run), save(run)))
+        patched.setattr(train_rllib.Training, "check", interrupt)
+        patched.setattr(train_rllib.Training, "keep", lambda training: (remember(training), keep(training)))
         with pytest.raises(SystemExit, match="--resume"):
             train_rllib.main(args)
-    putts = json.loads((args.out / "progress.json").read_text())["putts"]
-    assert args.check_every <= putts < args.putts
-    monkeypatch.setattr(train_rllib.Run, "learn", lambda run, seconds: (remember(run), learn(run, seconds)))
+    (checkpoint,) = args.out.glob("checkpoint-*")
+    assert args.check_every <= train_rllib.putts_of(checkpoint) < args.putts
+    monkeypatch.setattr(train_rllib.Training, "learn", lambda training: (remember(training), learn(training)))
     train_rllib.main(train_rllib.Args(resume=args.out, address=args.address))
     (checkpoint,) = args.out.glob("checkpoint-*")
     assert args.putts <= train_rllib.putts_of(checkpoint) < args.putts + args.check_every
@@ -137,14 +158,15 @@ def test_the_exported_model_plays_the_same_putts_without_ray(args: train_rllib.A
 
     ray = connect(args.address)
     (folder := tmp_path / "exported").mkdir()
-    run = train_rllib.Run(args, folder)
+    training = train_rllib.Training(args, folder)
     observations = np.random.default_rng(0).uniform(-1, 1, (100, 10)).astype(np.float32)
-    run.algorithm.train()
+    training.algorithm.train()
     with torch.no_grad():
-        means = run.algorithm.get_module().forward_inference({"obs": torch.as_tensor(observations)})
+        means = training.algorithm.get_module().forward_inference({"obs": torch.as_tensor(observations)})
     np.save(tmp_path / "observations.npy", observations)
-    run.export("model.zip")
-    run.algorithm.stop()
+    training.carry()
+    training.save("model.zip")
+    training.algorithm.stop()
     ray.shutdown()
     code = """if True:
         import sys
@@ -158,6 +180,14 @@ def test_the_exported_model_plays_the_same_putts_without_ray(args: train_rllib.A
     expected = means["action_dist_inputs"][:, :2].numpy().clip(-1.0, 1.0)
     assert np.allclose(np.load(tmp_path / "actions.npy"), expected, rtol=0.0, atol=1e-6)
     assert np.ptp(expected) > 0.0
+
+
+@pytest.mark.parametrize("mistake", [{"facing": True}, {"observation": "pixels"}, {"num_env_runners": 0}], ids=str)
+def test_what_it_cannot_learn_from_is_refused(args: train_rllib.Args, mistake: dict[str, Any]) -> None:
+    """With a line, before there is a folder."""
+    with pytest.raises(SystemExit, match="expected"):
+        train_rllib.main(dataclasses.replace(args, **mistake))
+    assert args.out is not None and not args.out.exists()
 
 
 def test_more_workers_than_cores_are_refused(args: train_rllib.Args) -> None:

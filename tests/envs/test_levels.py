@@ -5,14 +5,12 @@ from __future__ import annotations
 import pickle
 from typing import Any
 
-import gymnasium as gym
 import numpy as np
 import pytest
 
 from minigolf_env.envs import MiniGolfEnv, MiniGolfVectorEnv
 from minigolf_env.envs.levels import ALL, Levels
-
-N = 5
+from tests.envs.twins import Twins
 
 
 def make(**options: Any) -> MiniGolfEnv:
@@ -84,37 +82,9 @@ def test_a_state_holds_its_level() -> None:
 def test_each_environment_of_a_batch_equals_a_single_one(mode: str, observation: str) -> None:
     """Environment i is a single environment seeded seed + i, bit for bit, each on levels of its own."""
     options: dict[str, Any] = {"difficulty": "medium", "num_levels": 6, "max_strokes": 2, "observation": observation}
-    batch = gym.make_vec("minigolf_env:MiniGolf-v0", num_envs=N, course="procedural", autoreset_mode=mode, **options)
-    singles = [make(**options) for _ in range(N)]
-    observed, info = batch.reset(seed=7)
-    for i, env in enumerate(singles):
-        one, one_info = env.reset(seed=7 + i)
-        assert observed[i].tobytes() == one.tobytes() and {key: info[key][i] for key in one_info} == one_info
-    assert len(set(info["level"])) > 1
-    over = np.zeros(N, np.bool_)
-    for step in range(7):
-        putts = np.random.default_rng(step).uniform(-1, 1, (N, 2)).astype(np.float32)
-        if mode == "Disabled" and over.any():
-            observed, _ = batch.reset(options={"reset_mask": over})
-            for i in np.flatnonzero(over):
-                assert observed[i].tobytes() == singles[i].reset()[0].tobytes()
-            over = np.zeros(N, np.bool_)
-        observed, rewards, terminated, _, info = batch.step(putts)
-        for i, env in enumerate(singles):
-            if mode == "NextStep" and over[i]:
-                one, one_info = env.reset()
-                assert rewards[i] == 0.0 and not terminated[i]
-            else:
-                one, reward, ended, _, one_info = env.step(putts[i])
-                assert (rewards[i], terminated[i]) == (reward, ended)
-                if mode == "SameStep" and ended:
-                    assert info["final_obs"][i].tobytes() == one.tobytes()
-                    assert {key: info["final_info"][key][i] for key in one_info} == one_info
-                    one, one_info = env.reset()
-            assert {key: info[key][i] for key in one_info} == one_info
-            assert observed[i].tobytes() == one.tobytes()
-        over = terminated.copy()
-    batch.close()
+    twins = Twins(mode, 5, seed=7, course="procedural", **options)
+    assert len({state["level"] for state in twins.batch.get_state()}) > 1
+    twins.play(7)
 
 
 def test_a_batch_plays_chosen_levels() -> None:

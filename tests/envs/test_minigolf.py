@@ -122,6 +122,8 @@ def test_set_state_goes_back(env: MiniGolfEnv) -> None:
         ({"position": (0.6, 0.6, 0.1), "strokes": 1.5}, "strokes"),
         ({"strokes": 1}, "position"),
         ({"position": (0.6, 0.6, 0.1), "stroke": 1}, "stroke"),
+        ([0.6, 0.6, 0.1], "state: expected 'position'"),
+        ({"position": (np.nan, 0.6, 0.1), "over": True}, "finite"),
         ({"position": (0.6, 0.6, 0.1), "np_random": {"bit_generator": "MT19937"}}, "np_random"),
     ],
 )

@@ -16,7 +16,7 @@ BALL = 0.02135
 
 
 def at(x: float, y: float) -> NDArray[Any]:
-    """Return the 35 numbers that "rays" adds, of a ball on the dogleg's felt."""
+    """Return the 38 numbers that "rays" adds, of a ball on the dogleg's felt."""
     env = MiniGolfEnv(observation="rays")
     return np.asarray(env.reset(options={"position": (x, y, BALL)})[0][10:])
 
@@ -48,8 +48,19 @@ def test_a_ball_goes_as_far_as_its_ray() -> None:
 
 def test_the_ground_is_felt() -> None:
     """Level felt: no drop, no slope. Over the cup the ground is further down."""
-    np.testing.assert_array_equal(at(1.0, 0.3)[RAYS:], [0.0, 0.0, 0.0])
+    np.testing.assert_array_equal(at(1.0, 0.3)[RAYS : RAYS + 3], [0.0, 0.0, 0.0])
     assert at(3.45, 2.1)[RAYS] > 0.1
+
+
+def test_the_cup_is_seen_in_one_scale_on_every_hole() -> None:
+    """The direction to it, as long as the root of its distance, 1 is 8 m; its height above the ball's centre, m."""
+    for name in ("dogleg", "hill"):
+        env = MiniGolfEnv(name, observation="rays", tee="fixed")
+        observed = np.asarray(env.reset(seed=0)[0][-3:], dtype=np.float64)
+        way = np.asarray(env.task.cup.position) - env.get_state()["position"]
+        np.testing.assert_allclose(np.hypot(*observed[:2]) ** 2 * 8.0, np.hypot(*way[:2]), rtol=1e-5)
+        np.testing.assert_allclose(observed[1] / observed[0], way[1] / way[0], rtol=1e-5)
+        np.testing.assert_allclose(observed[2], way[2], atol=1e-6)
 
 
 def test_a_batch_feels_what_single_environments_do() -> None:

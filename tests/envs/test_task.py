@@ -54,14 +54,15 @@ def test_shaping_adds_a_constant_to_every_episode(task: Task) -> None:
     """Whatever way an episode takes, shaped rewards sum to minus the strokes plus what the start is worth."""
     shaped = make_task(reward="shaped")
     rng = np.random.default_rng(1)
-    start = shaped.tee_off(rng)
+    start = shaped.tee_off([rng])[0]
     totals = []
     for strokes in (1, 2, 5):
-        places = [start, *rng.uniform(0.1, 1.0, (strokes, 3))]
-        rewards = [shaped.rewards(places[i], places[i + 1], np.array(i + 1 == strokes)).item() for i in range(strokes)]
+        worth = shaped.potential(np.array([start, *rng.uniform(0.1, 1.0, (strokes, 3))]))
+        rewards = shaped.rewards(worth[:-1], worth[1:], np.arange(1, strokes + 1) == strokes)
         totals.append(sum(rewards) + strokes)
     assert totals == pytest.approx([totals[0]] * 3)
-    assert make_task(reward="strokes").rewards(start, start, np.array(False)) == -1.0
+    plain = make_task(reward="strokes")
+    assert plain.rewards(plain.potential(start), plain.potential(start), np.array(False)) == -1.0
 
 
 def test_rules_take_one_ball_or_many(task: Task) -> None:
@@ -73,13 +74,14 @@ def test_rules_take_one_ball_or_many(task: Task) -> None:
         (task.launch(putts), [task.launch(p) for p in putts]),
         (task.observe(positions, strokes), [task.observe(p, s) for p, s in zip(positions, strokes, strict=True)]),
         (task.distance(positions), [task.distance(p) for p in positions]),
+        (task.is_holed(positions, positions), [task.is_holed(p, p) for p in positions]),
     ):
         assert many.tobytes() == np.array(one).tobytes()
 
 
 def test_a_ball_that_left_the_course_goes_back(task: Task) -> None:
     """Out of bounds: the ball lies where it was struck."""
-    start = task.tee_off(np.random.default_rng(3))[None]
+    start = task.tee_off([np.random.default_rng(3)])
     outcome = task.play(start, np.array([[0.0, 0.0, 8.0]]))
     assert outcome.result[0] == 1
     assert (outcome.position == start).all()

@@ -1,5 +1,9 @@
 """What holds whatever the room: no penetration, no escape, no endless step, no NaN, the same bits in a batch."""
 
+import os
+import subprocess
+import sys
+
 import numba
 import numpy as np
 import pytest
@@ -107,6 +111,43 @@ def test_batch_is_the_loop_whatever_the_threads(count: int) -> None:
     finally:
         numba.set_num_threads(threads)
     assert len(starts) == count
+
+
+def test_a_ball_is_refused_exactly_where_its_clearance_says_so() -> None:
+    """The quick look at whether balls are clear agrees with their distances, down to the tolerance itself."""
+    world = World([mesh(room(2.0)), mesh(box([-0.5, -0.5, 0.0], [0.5, 0.5, 0.3]))])
+    tolerance = 1e-12 * world.scale
+    for depth in (-1e-3, 0.0, 0.4 * tolerance, 0.9 * tolerance, 1.1 * tolerance, 2.0 * tolerance, 1e-6, 0.02):
+        lie = np.array([0.1, 0.2, 0.3 + world.ball_radius - depth])
+        refused = world.clearance(lie) < -tolerance
+        assert refused == (depth > tolerance)
+        for count in (1, 100):
+            starts = np.tile([0.9, 0.9, 1.0], (count, 1))
+            starts[-1] = lie
+            if refused:
+                with pytest.raises(ValueError, match=f"position {count - 1}: expected a ball in free space"):
+                    world.simulate_batch(starts, np.zeros((count, 3)), max_time=0.01)
+            else:
+                world.simulate_batch(starts, np.zeros((count, 3)), max_time=0.01)
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
+def test_a_forked_child_starts_threads_of_its_own() -> None:
+    """The threads that are kept do not survive a fork; the child gets the same bits all the same."""
+    code = """
+import os, numba, numpy as np
+from minigolf_env.courses import load_course
+numba.set_num_threads(numba.config.NUMBA_NUM_THREADS)
+world, rng = load_course("room").world(), np.random.default_rng(0)
+starts, ways = np.tile([0.0, 0.0, 0.5], (200, 1)), rng.normal(size=(200, 3))
+before = world.simulate_batch(starts, ways).position
+child = os.fork()
+if child == 0:
+    os._exit(0 if (world.simulate_batch(starts, ways).position == before).all() else 1)
+print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+"""
+    done = subprocess.run([sys.executable, "-W", "ignore", "-c", code], capture_output=True, text=True, timeout=120)
+    assert done.stdout == "0\n", done.stderr
 
 
 def test_runs_do_not_disturb_each_other() -> None:

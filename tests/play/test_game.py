@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from minigolf_env.courses import load_course
+from minigolf_env.network import Layer, Network
 from minigolf_env.play.aim import Aim
 from minigolf_env.play.game import YOU, Game
 from minigolf_env.play.scores import BestScores
 from minigolf_env.play.throwing import Throwing
-from minigolf_env.policies import Policy, SearchPolicy
+from minigolf_env.policies import ModelPolicy, Policy, SearchPolicy
 
 SOFT = Aim(0.1, 0.0)
 
@@ -103,6 +104,15 @@ def test_the_opponent_plays_after_the_human(tmp_path: Path) -> None:
     assert row(game) == ["Dogleg", "2", "1", "1", "–"]
     game.undo()
     assert game.card.get("search", "dogleg") is None
+
+
+def test_the_opponent_sees_what_it_was_trained_with(tmp_path: Path) -> None:
+    """A model of "rays" gets them."""
+    rays = Network((Layer(np.zeros((45, 2), np.float32), np.array([0.1, 0.0], np.float32)),))
+    rays.save(tmp_path / "rays.npz")
+    game = new_game(tmp_path, ModelPolicy(tmp_path / "rays.npz"))
+    game.strike(game.hint())
+    assert game.rival_choice().tolist() == pytest.approx([0.1, 0.0])
 
 
 def test_without_an_opponent_nobody_chooses(tmp_path: Path) -> None:

@@ -1,0 +1,291 @@
+"""A training run: its folder, its checkpoints, and the table that ends it. Any algorithm of stable-baselines3 can run.
+
+The folder has args.json (the run's arguments), checkpoint.zip (the newest model), best.zip (the one that scored best on
+fixed episodes), progress.json, scores.json (the table) and TensorBoard's log. Files are written whole or not at all, so
+that a run killed at any moment goes on from its last checkpoint.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import itertools
+import json
+import os
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+import gymnasium as gym
+import torch
+from rich.console import Console
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.callbacks import BaseCallback, ProgressBarCallback
+from stable_baselines3.common.vec_env import VecMonitor
+
+from agents.facing_vec_env import FacingVecEnv
+from agents.sb3_vec_env import SB3VecEnv
+from minigolf_env import evaluation
+from minigolf_env.policies import PredictPolicy, load_policy
+
+CONSOLE = Console()
+
+
+@dataclass(frozen=True)
+class Run:
+    """What every training program's command line has."""
+
+    course: str = "dogleg"
+    """A hole, or "procedural" for levels."""
+    difficulty: str | None = None
+    """Of the levels: easy, medium or hard."""
+    num_levels: int | None = None
+    """Levels to train on, from level 0 on; checkpoints are scored on others."""
+    observation: str = "state"
+    """What the agent sees: state, rays or pixels."""
+    facing: bool = False
+    """Whether it sees rays, and putts, as if the cup were straight ahead."""
+    putt_noise: tuple[float, float] = (0.0, 0.0)
+    """Standard deviations of a putt's direction (degrees) and speed (share of it), in training and scores."""
+
+    putts: int = 500_000
+    """Putts to learn from."""
+    seed: int = 0
+    """The same seed, arguments and machine give the same model, bit for bit."""
+    out: Path | None = None
+    """Folder of the run, new; by default the first free one of runs/COURSE-1, -2, ..."""
+    resume: Path | None = None
+    """Go on with the run in this folder, with its arguments; all others on this command line are ignored."""
+
+    num_envs: int = 2048
+    check_every: int = 50_000
+    """Putts between two checkpoints, each scored; the best one is kept."""
+    check_episodes: int = 500
+    check_seed: int = 2_000_000
+    """First seed of their episodes, or first level: not those of the closing table, which chooses nothing."""
+    final_episodes: int = 1000
+    """Episodes of the closing table."""
+    search_episodes: int = 30
+    """Its episodes for search, which thinks about every putt; 0 leaves search out."""
+
+    @property
+    def game(self) -> dict[str, Any]:
+        """What is played, in training and in scores."""
+        return {"course": self.course, "difficulty": self.difficulty, "putt_noise": self.putt_noise}
+
+
+Args = TypeVar("Args", bound=Run)
+
+Build = Callable[[Args, VecMonitor], BaseAlgorithm]
+"""Makes a new learner from a run's arguments and environments."""
+
+
+def run(args: Args, build: Build[Args], callbacks: Callable[[Args], Sequence[BaseCallback]]) -> list[evaluation.Score]:
+    """Train a new learner, or go on with one; end with a table: random, search, the agent.
+
+    Args:
+        args: of the run; with ``resume``, only the folder in it counts.
+        build: makes the learner.
+        callbacks: makes what else happens while it learns.
+
+    Raises:
+        SystemExit: with a line that says what is wrong, or how to go on after Ctrl-C or a full disk.
+    """
+    began = time.monotonic()
+    args, folder = begin(args)
+    return end(args, train(args, build, callbacks(args), folder), folder, began)
+
+
+def begin(args: Args) -> tuple[Args, Path]:
+    """Return a run's arguments and its folder: a new one, or with ``resume`` those of the run to go on with.
+
+    Raises:
+        SystemExit: with a line that says what is wrong.
+    """
+    if args.resume is not None:
+        return read_args(type(args), args.resume), args.resume
+    folder = new_folder(args)
+    stored = {**dataclasses.asdict(args), "out": None, "resume": None}
+    write(folder / "args.json", json.dumps(stored, indent=2).encode())
+    return args, folder
+
+
+def end(args: Run, learner: type[BaseAlgorithm], folder: Path, began: float) -> list[evaluation.Score]:
+    """Make and print the table of a run that began at a time of the monotonic clock; say what to do with the model."""
+    scores = final_table(args, learner, folder)
+    evaluation.print_scores(scores)
+    model = folder / "best.zip"
+    CONSOLE.print(f"{time.monotonic() - began:.0f} s in all. Log: tensorboard --logdir {folder}")
+    CONSOLE.print(f"Watch it play: minigolf video --policy {model} --course {args.course} -o putt.mp4", soft_wrap=True)
+    return scores
+
+
+def train(args: Args, build: Build[Args], callbacks: Sequence[BaseCallback], folder: Path) -> type[BaseAlgorithm]:
+    """Learn until the putts are played, from the folder's checkpoint if it has one; return the algorithm's class."""
+    torch.set_num_threads(1)  # The networks are tiny: a second thread mostly waits for the first, at full load.
+    envs = gym.make_vec(
+        "minigolf_env:MiniGolf-v0",
+        num_envs=args.num_envs,
+        autoreset_mode="SameStep",
+        observation=args.observation,
+        num_levels=args.num_levels,
+        **args.game,
+    )
+    adapted = SB3VecEnv(envs)
+    monitored = VecMonitor(FacingVecEnv(adapted) if args.facing else adapted)
+    model = build(args, monitored)
+    model.tensorboard_log = str(folder)
+    resume = (folder / "checkpoint.zip").is_file()
+    if resume:
+        model = type(model).load(folder / "checkpoint.zip", env=monitored, device=model.device)
+    checkpoints = Checkpoints(args, folder)
+    try:
+        with stoppable(folder, lambda: checkpoints.save("checkpoint.zip")):
+            # The numbers of putts add up over resumed runs, and so does the schedules' way down.
+            model.learn(
+                max(0, args.putts - model.num_timesteps),
+                callback=[*callbacks, checkpoints, ProgressBarCallback()],
+                reset_num_timesteps=not resume,
+                tb_log_name="log",
+            )
+            checkpoints.check()
+    finally:
+        monitored.close()
+    return type(model)
+
+
+@contextlib.contextmanager
+def stoppable(folder: Path, save: Callable[[], None]) -> Iterator[None]:
+    """While it lasts, Ctrl-C saves, and it and a full disk end the program with a line that says how to go on."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        save()
+        raise SystemExit(f"Interrupted and saved. {_go_on(folder)}") from None
+    except OSError as error:
+        raise SystemExit(f"Could not save: {error}. The last checkpoint is whole. {_go_on(folder)}") from error
+
+
+class Checkpoints(BaseCallback):
+    """Saves the model every so often, and keeps the one that scored best over fixed episodes."""
+
+    def __init__(self, args: Run, folder: Path) -> None:
+        super().__init__()
+        self.args, self.folder = args, folder
+        progress = folder / "progress.json"
+        self.best = json.loads(progress.read_text())["best_strokes"] if progress.is_file() else float("inf")
+        self.saved_at = 0
+
+    def _on_training_start(self) -> None:
+        self.saved_at = self.num_timesteps
+
+    def _on_step(self) -> bool:
+        return True
+
+    def _on_rollout_start(self) -> None:
+        # Between an update and the next putts: what is saved is what played.
+        if self.num_timesteps - self.saved_at >= self.args.check_every:
+            self.check()
+
+    def check(self) -> None:
+        """Save, score, and keep the model if it is the best so far."""
+        args, self.saved_at = self.args, self.num_timesteps
+        self.save("checkpoint.zip")
+        score = evaluation.evaluate(
+            PredictPolicy(self.model, args.observation),
+            "agent",
+            **args.game,
+            episodes=args.check_episodes,
+            first_seed=args.check_seed,
+            quiet=True,
+        )
+        for name in ("strokes", "holed", "hole_in_one"):
+            self.logger.record(f"eval/{name}", getattr(score, name))
+        self.logger.dump(self.num_timesteps)
+        if score.strokes < self.best:
+            self.best = score.strokes
+            self.save("best.zip")
+        progress = {"putts": self.num_timesteps, "best_strokes": self.best}
+        write(self.folder / "progress.json", json.dumps(progress).encode())
+        CONSOLE.print(
+            f"{self.num_timesteps:>10,} putts: {score.strokes:.2f} strokes, {score.holed:.0%} holed, "
+            f"{score.hole_in_one:.0%} holes-in-one (best {self.best:.2f})"
+        )
+
+    def save(self, name: str) -> None:
+        """Save the model under a name in the run's folder."""
+        beside = self.folder / f".{name}"
+        self.model.save(beside)
+        publish(beside, self.folder / name)
+
+
+def final_table(args: Run, learner: type[BaseAlgorithm], folder: Path) -> list[evaluation.Score]:
+    """Score random, search and the best model on the same episodes."""
+    best = PredictPolicy(learner.load(folder / "best.zip", device="cpu"), args.observation)
+    players = {
+        "random": (load_policy("random"), args.final_episodes),
+        "search": (load_policy("search"), args.search_episodes),
+        learner.__name__: (best, args.final_episodes),
+    }
+    scores = [
+        evaluation.evaluate(policy, name, **args.game, episodes=episodes)
+        for name, (policy, episodes) in players.items()
+        if episodes > 0
+    ]
+    write(folder / "scores.json", json.dumps([dataclasses.asdict(score) for score in scores], indent=2).encode())
+    return scores
+
+
+def new_folder(args: Run) -> Path:
+    """Make the run's folder and return it; an earlier run is never overwritten.
+
+    Raises:
+        SystemExit: the folder asked for exists.
+    """
+    name = Path(args.course).stem
+    folders = [args.out] if args.out else (Path("runs") / f"{name}-{i}" for i in itertools.count(1))
+    folder = next(path for path in folders if args.out or not path.exists())
+    try:
+        folder.mkdir(parents=True)
+    except FileExistsError:
+        raise SystemExit(f"out: expected a new folder, {folder} exists; {_go_on(folder)}") from None
+    return folder
+
+
+def read_args(kind: type[Args], folder: Path) -> Args:
+    """Return the arguments that a run was started with.
+
+    Raises:
+        SystemExit: there is no run to go on with, or one of another program.
+    """
+    if not (folder / "args.json").is_file():
+        raise SystemExit(f"resume: expected the folder of a run, {folder} has no args.json.")
+    stored: dict[str, Any] = json.loads((folder / "args.json").read_text())
+    if stored.keys() != {field.name for field in dataclasses.fields(kind)}:
+        raise SystemExit(f"resume: expected a run of this program, {folder} has the arguments of another.")
+    values: dict[str, Any] = {
+        name: tuple(value) if isinstance(value, list) else value for name, value in stored.items()
+    }
+    return kind(**values)
+
+
+def write(path: Path, content: bytes) -> None:
+    """Write a file so that it is never half there."""
+    beside = path.with_name(f".{path.name}")
+    beside.write_bytes(content)
+    publish(beside, path)
+
+
+def publish(beside: Path, path: Path) -> None:
+    """Put a file, or a new folder of files, into its place once it is wholly on the disk."""
+    for part in beside.rglob("*") if beside.is_dir() else [beside]:
+        if part.is_file():
+            with part.open("rb") as file:
+                os.fsync(file.fileno())
+    beside.replace(path)
+
+
+def _go_on(folder: Path) -> str:
+    return f"To go on with it: --resume {folder}"

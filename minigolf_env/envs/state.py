@@ -1,0 +1,85 @@
+"""The state of an episode as plain values, the same for an environment alone and for one of a batch."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from minigolf_env.envs.levels import Tasks
+from minigolf_env.envs.options import LIE, require_lie
+from minigolf_env.envs.task import FloatArray, Task
+from minigolf_env.physics.checks import finite_array
+
+
+class Episode(NamedTuple):
+    """Where an episode stands."""
+
+    task: Task
+    """The hole it is played on."""
+    position: FloatArray
+    """(3,) the ball's centre, m."""
+    strokes: int
+    over: bool
+    np_random: dict[str, Any] | None
+    """The state of its random numbers; None: they go on as they are."""
+
+
+def state_of(task: Task, position: FloatArray, strokes: int, over: bool, rng: np.random.Generator) -> dict[str, Any]:
+    """Return the state of an episode, all that it takes to go on from there: plain values, a copy."""
+    return {
+        "position": tuple(position.tolist()),
+        "strokes": strokes,
+        "over": over,
+        **({} if task.level is None else {"level": task.level}),
+        "np_random": rng.bit_generator.state,
+    }
+
+
+def read_state(state: Any, tasks: Tasks, task: Task) -> Episode:
+    """Return the episode of a state; without a "level" it is played on ``task``. See ``check_lies``.
+
+    Raises:
+        ValueError: a value is not what it should be.
+    """
+    known = {"position", "strokes", "over", "np_random", "level"}
+    if not isinstance(state, dict) or "position" not in state or not known.issuperset(state):
+        received = sorted(map(str, state)) if isinstance(state, dict) else f"{state!r:.80}"
+        raise ValueError(f"state: expected 'position' and what get_state() returns, received {received}.")
+    over = bool(state.get("over", False))
+    task = tasks.level(state["level"]) if "level" in state else task
+    position, strokes = finite_array(state["position"], (3,), "position", LIE), state.get("strokes", 0)
+    if not (isinstance(strokes, (int, np.integer)) and 0 <= strokes <= task.max_strokes):
+        raise ValueError(f"strokes: expected an integer from 0 to {task.max_strokes}, received {strokes!r}.")
+    generator: Any = state.get("np_random")
+    if "np_random" in state:
+        try:
+            np.random.PCG64(0).state = generator
+        except (KeyError, OverflowError, TypeError, ValueError) as error:
+            raise ValueError(f"np_random: expected a state of numpy's PCG64 generator; {error}") from error
+    return Episode(task, position, int(strokes), over, generator)
+
+
+def check_lies(episodes: Sequence[Episode]) -> None:
+    """Raise a ValueError unless the balls of all episodes that are not over lie in free space within the bounds."""
+    playing = [i for i, episode in enumerate(episodes) if not episode.over]
+    holes = {episodes[i].task.world: episodes[i].task for i in playing}
+    try:
+        for world, task in holes.items():  # All balls of a world at once take a fraction of the time.
+            require_lie(task, np.array([episodes[i].position for i in playing if episodes[i].task.world is world]))
+    except ValueError:
+        for i in playing:
+            with naming_state(i):
+                require_lie(episodes[i].task, episodes[i].position)
+        raise
+
+
+@contextmanager
+def naming_state(i: int) -> Iterator[None]:
+    """Let a ValueError say which of several states it is about."""
+    try:
+        yield
+    except ValueError as error:
+        raise ValueError(f"state {i}: {error}") from error

@@ -1,0 +1,159 @@
+"""How well a policy plays a hole, or levels: strokes over fixed seeds or levels, with confidence intervals."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from tqdm import tqdm
+
+from minigolf_env.courses.procedural import PROCEDURAL
+from minigolf_env.envs import MiniGolfEnv, MiniGolfVectorEnv
+from minigolf_env.policies import BatchPolicy, Policy
+from minigolf_env.scoring import (
+    Interval,
+    Played,
+    mean_interval,
+    play_episode,
+    play_together,
+    share_with_interval,
+    wilson,
+    with_interval,
+)
+
+FIRST_SEED = 1_000_000
+"""Of the episodes: far from the seeds that training uses."""
+
+BATCH = 4096
+"""Most episodes played side by side."""
+
+
+@dataclass(frozen=True)
+class Score:
+    """What a player reached; intervals are 95 % confidence intervals."""
+
+    policy: str
+    sha256: str | None
+    """Of the model's file; None: the player has none."""
+    course: str
+    difficulty: str | None
+    """Of levels; None: on one hole."""
+    episodes: int
+    first_seed: int
+    """Episode i is seeded first_seed + i, or is played on this level."""
+    max_strokes: int
+    putt_noise: tuple[float, float]
+    """Standard deviations of direction (degrees) and speed (share of it)."""
+    strokes: float
+    """Mean; an episode that is not holed counts max_strokes."""
+    strokes_interval: Interval
+    holed: float
+    """Share of episodes that ended in the cup."""
+    holed_interval: Interval
+    hole_in_one: float
+    hole_in_one_interval: Interval
+
+
+def evaluate(
+    policy: Policy,
+    name: str,
+    course: str = "dogleg",
+    *,
+    difficulty: str | None = None,
+    episodes: int = 1000,
+    first_seed: int = FIRST_SEED,
+    max_strokes: int = 10,
+    putt_noise: tuple[float, float] = (0.0, 0.0),
+    watch: bool = False,
+    quiet: bool = False,
+) -> Score:
+    """Play the episodes of fixed seeds, or on fixed levels from the middle of their tees, and return the score.
+
+    A BatchPolicy plays them side by side, with the same result as one after the other.
+
+    Args:
+        policy: the player.
+        name: what the score calls it.
+        course: the hole, a name or a file; or "procedural" for levels.
+        difficulty: of levels.
+        episodes: how many, at least 1.
+        first_seed: episode i is seeded first_seed + i, or is played on this level.
+        max_strokes: of an episode.
+        putt_noise: standard deviations of direction (degrees) and speed (share of it).
+        watch: whether to show the putts in a window; closing it ends the show, not the evaluation.
+        quiet: whether to show no progress.
+
+    Raises:
+        ValueError: an argument is not what it should be.
+        RenderingError: a window was asked for, and there is no display.
+    """
+    if episodes < 1:
+        raise ValueError(f"episodes: expected at least 1, received {episodes}.")
+    rules: dict[str, Any] = {"observation": policy.observation, "max_strokes": max_strokes, "putt_noise": putt_noise}
+    if course == PROCEDURAL:
+        rules |= {"difficulty": difficulty, "tee": "fixed"}
+    elif difficulty is not None:
+        raise ValueError(f"difficulty: expected with course={PROCEDURAL!r} only, received {difficulty!r}.")
+    numbers = range(first_seed, first_seed + episodes)
+    if isinstance(policy, BatchPolicy) and not watch:
+        played = _play_together(policy, course, numbers, rules)
+    else:
+        env = MiniGolfEnv(course, "human" if watch else None, **rules)
+        bar = tqdm(numbers, f"{name} plays", leave=False, disable=quiet or None)
+        played = [play_episode(env, policy, number, _options(course, number)) for number in bar]
+        env.close()
+    strokes, holed = (np.array(column) for column in zip(*played, strict=True))
+    aces = int((holed & (strokes == 1)).sum())
+    return Score(
+        policy=name,
+        sha256=getattr(policy, "sha256", None),
+        course=course,
+        difficulty=difficulty,
+        episodes=episodes,
+        first_seed=first_seed,
+        max_strokes=max_strokes,
+        putt_noise=putt_noise,
+        strokes=float(strokes.mean()),
+        strokes_interval=mean_interval(strokes),
+        holed=float(holed.mean()),
+        holed_interval=wilson(int(holed.sum()), episodes),
+        hole_in_one=aces / episodes,
+        hole_in_one_interval=wilson(aces, episodes),
+    )
+
+
+def _play_together(policy: BatchPolicy, course: str, numbers: Sequence[int], rules: dict[str, Any]) -> list[Played]:
+    played: list[Played] = []
+    for i in range(0, len(numbers), BATCH):
+        batch = numbers[i : i + BATCH]
+        envs = MiniGolfVectorEnv(len(batch), course, **rules)
+        played += play_together(envs, policy, batch[0], _options(course, list(batch)))
+    return played
+
+
+def _options(course: str, numbers: int | list[int]) -> dict[str, Any] | None:
+    """Return a reset's options that choose the levels, on a course of levels."""
+    return {"level": numbers} if course == PROCEDURAL else None
+
+
+def print_scores(scores: Sequence[Score]) -> None:
+    """Print one table, a row for each player."""
+    from rich.console import Console
+    from rich.table import Table
+
+    first = scores[0]
+    noise = "noise of {:g} degrees and {:.1%}, ".format(*first.putt_noise) if any(first.putt_noise) else ""
+    table = Table(title=f"{first.course}: {noise}fixed seeds, [95 % confidence intervals]")
+    for column in ("player", "episodes", "mean strokes", "holed out", "hole-in-one"):
+        table.add_column(column, justify="left" if column == "player" else "right")
+    for score in scores:
+        table.add_row(
+            score.policy,
+            str(score.episodes),
+            with_interval(score.strokes, score.strokes_interval),
+            share_with_interval(score.holed, score.holed_interval),
+            share_with_interval(score.hole_in_one, score.hole_in_one_interval),
+        )
+    Console().print(table)

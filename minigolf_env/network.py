@@ -1,0 +1,172 @@
+"""A trained network and its files: numpy plays it, and no file it is read from can run code.
+
+``.npz`` is its own format, plain arrays. The ``.zip`` that stable-baselines3's ``model.save`` writes holds pickled code
+beside the weights; of it only the weights are read, by torch's ``weights_only``, and the JSON text that names the
+activation, so that a stranger's model is as harmless as a picture.
+"""
+
+from __future__ import annotations
+
+import io
+import itertools
+import json
+import pickle
+import zipfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from minigolf_env.physics.checks import one_of
+
+Array = NDArray[np.float32]
+
+ACTIVATIONS = ("relu", "tanh")
+
+
+class Layer(NamedTuple):
+    """One layer: x becomes x @ weights + bias."""
+
+    weights: Array
+    """(inputs, outputs)."""
+    bias: Array
+    """(outputs,)."""
+
+
+@dataclass(frozen=True)
+class Network:
+    """A fully connected network from observations to putts.
+
+    Args:
+        layers: one after the other; the last has two outputs.
+        activation: after every layer but the last, one of ``ACTIVATIONS``.
+        squash: whether tanh brings the outputs to [-1, 1], as SAC learns it, or clipping does, as PPO does.
+
+    Raises:
+        ValueError: the layers do not fit together, a number is not finite, or there is no such activation.
+    """
+
+    layers: tuple[Layer, ...]
+    activation: str = "tanh"
+    squash: bool = False
+
+    def __post_init__(self) -> None:
+        one_of(self.activation, ACTIVATIONS, "activation")
+        sizes = [(*layer.weights.shape, *layer.bias.shape) for layer in self.layers]
+        chained = all(len(size) == 3 and size[1] == size[2] for size in sizes) and all(
+            one[1] == next_[0] for one, next_ in itertools.pairwise(sizes)
+        )
+        if not sizes or not chained or sizes[-1][1] != 2:
+            raise ValueError(f"expected layers that fit together and end in 2 outputs, received sizes {sizes}.")
+        if not all(np.isfinite(array).all() for layer in self.layers for array in layer):
+            raise ValueError("expected finite weights, received others; the training has diverged.")
+
+    @property
+    def inputs(self) -> int:
+        """How many numbers an observation has."""
+        return len(self.layers[0].weights)
+
+    def __call__(self, observations: NDArray[Any]) -> Array:
+        """Return putts (N, 2), float32 in [-1, 1], of observations (N, inputs).
+
+        Sums are taken input by input, so that a putt has the same bits whatever the N.
+        """
+        x = np.asarray(observations, dtype=np.float32)
+        for i, (weights, bias) in enumerate(self.layers):
+            if i > 0:
+                x = np.tanh(x) if self.activation == "tanh" else np.maximum(x, np.float32(0.0))
+            total = np.tile(bias, (len(x), 1))
+            for k, row in enumerate(weights):
+                total += x[:, k, None] * row
+            x = total
+        return np.tanh(x) if self.squash else np.clip(x, np.float32(-1.0), np.float32(1.0))
+
+    def save(self, path: str | Path) -> None:
+        """Write the network to an .npz file; the same network gives the same bytes."""
+        arrays: dict[str, Any] = {"activation": np.array(self.activation), "squash": np.array(self.squash)}
+        for i, (weights, bias) in enumerate(self.layers):
+            arrays |= {f"weights_{i}": weights, f"bias_{i}": bias}
+        with Path(path).open("wb") as file:
+            np.savez_compressed(file, **arrays)
+
+
+UNREADABLE = (
+    ValueError,
+    KeyError,
+    TypeError,
+    AttributeError,
+    EOFError,
+    RuntimeError,
+    zipfile.BadZipFile,
+    pickle.UnpicklingError,
+)
+"""What numpy, json, zipfile and torch raise on files that they did not write, or that are damaged."""
+
+
+def read_network(path: str | Path) -> Network:
+    """Return the network in an .npz file, or in the .zip file of a model trained by stable-baselines3's PPO or SAC.
+
+    Raises:
+        FileNotFoundError: there is no such file.
+        ValueError: it holds something else, or a network that is not fully connected (no "MlpPolicy").
+        ImportError: torch is not installed, which a .zip file needs.
+    """
+    file = Path(path)
+    read = _read_npz if file.suffix == ".npz" else _read_zip
+    if not file.is_file():
+        raise FileNotFoundError(f"model: expected a .zip or .npz file, there is none at {path}.")
+    try:
+        return read(file)
+    except UNREADABLE as error:
+        raise ValueError(f"model: {path} holds none that can be played: {error}") from error
+
+
+def _read_npz(path: Path) -> Network:
+    with np.load(path, allow_pickle=False) as arrays:
+        count = sum(name.startswith("bias_") for name in arrays)
+        layers = tuple(Layer(_array(arrays[f"weights_{i}"]), _array(arrays[f"bias_{i}"])) for i in range(count))
+        return Network(layers, str(arrays["activation"]), bool(arrays["squash"]))
+
+
+class _Kind(NamedTuple):
+    """Where an algorithm of stable-baselines3 keeps the network that plays."""
+
+    hidden: str
+    last: str
+    activation: str
+    squash: bool
+
+
+KINDS = {
+    "PPO": _Kind("mlp_extractor.policy_net", "action_net", "tanh", False),
+    "SAC": _Kind("actor.latent_pi", "actor.mu", "relu", True),
+}
+
+
+def _read_zip(path: Path) -> Network:
+    try:
+        import torch
+    except ImportError as error:
+        raise ImportError("A model's .zip file needs torch: pip install 'minigolf-env[agents]'.") from error
+    with zipfile.ZipFile(path) as archive:
+        about: dict[str, Any] = json.loads(archive.read("data"))
+        weights = io.BytesIO(archive.read("policy.pth"))
+    state: dict[str, Any] = torch.load(weights, map_location="cpu", weights_only=True)
+    kind = next((kind for kind in KINDS.values() if f"{kind.last}.weight" in state), None)
+    if kind is None or any("features_extractor." in name for name in state):
+        raise ValueError(
+            f"expected an MlpPolicy of {' or '.join(KINDS)}, received another; if you trust the file, load it "
+            " with stable-baselines3 and play it as a policies.PredictPolicy."
+        )
+    found = (name.rpartition(".")[0] for name in state if name.startswith(kind.hidden) and name.endswith(".weight"))
+    names = sorted(found, key=lambda name: int(name.rpartition(".")[2]))
+    layers = (Layer(_array(state[f"{name}.weight"]).T, _array(state[f"{name}.bias"])) for name in (*names, kind.last))
+    # Written as a class's text beside its pickle: "<class 'torch.nn.modules.activation.Tanh'>".
+    activation = str(about["policy_kwargs"].get("activation_fn", kind.activation)).rpartition(".")[2].strip("'>")
+    return Network(tuple(layers), activation.lower(), kind.squash)
+
+
+def _array(values: Any) -> Array:
+    return np.ascontiguousarray(values, dtype=np.float32)

@@ -1,0 +1,1 @@
+"""What Gymnasium and the rules of the game promise."""
