@@ -1,8 +1,8 @@
 """A training run: its folder, its checkpoints, and the table that ends it. Any algorithm of stable-baselines3 can run.
 
 The folder has args.json (the run's arguments), checkpoint.zip (the newest model), best.zip (the one that scored best on
-fixed episodes), progress.json, scores.json (the table) and TensorBoard's log. Files are written whole or not at all, so
-that a run killed at any moment goes on from its last checkpoint.
+fixed episodes), progress.json (the checkpoints' scores), scores.json (the table) and TensorBoard's log. Files are
+written whole or not at all, so that a run killed at any moment goes on from its last checkpoint.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ import torch
 from rich.console import Console
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback, ProgressBarCallback
-from stable_baselines3.common.vec_env import VecMonitor
+from stable_baselines3.common.vec_env import VecEnv, VecMonitor
 
 from agents.facing_vec_env import FacingVecEnv
 from agents.sb3_vec_env import SB3VecEnv
@@ -47,10 +47,12 @@ class Run:
     """What the agent sees: state, rays or pixels."""
     facing: bool = False
     """Whether it sees rays, and putts, as if the cup were straight ahead."""
+    reward: str = "shaped"
+    """What it learns from: shaped or strokes."""
     putt_noise: tuple[float, float] = (0.0, 0.0)
     """Standard deviations of a putt's direction (degrees) and speed (share of it), in training and scores."""
 
-    putts: int = 500_000
+    putts: int = 400_000
     """Putts to learn from."""
     seed: int = 0
     """The same seed, arguments and machine give the same model, bit for bit."""
@@ -66,7 +68,7 @@ class Run:
     check_seed: int = 2_000_000
     """First seed of their episodes, or first level: not those of the closing table, which chooses nothing."""
     final_episodes: int = 1000
-    """Episodes of the closing table."""
+    """Episodes of the closing table; a tenth as many for random, who plays one after the other."""
     search_episodes: int = 30
     """Its episodes for search, which thinks about every putt; 0 leaves search out."""
 
@@ -116,30 +118,23 @@ def end(args: Run, learner: type[BaseAlgorithm], folder: Path, began: float) -> 
     """Make and print the table of a run that began at a time of the monotonic clock; say what to do with the model."""
     scores = final_table(args, learner, folder)
     evaluation.print_scores(scores)
-    model = folder / "best.zip"
-    CONSOLE.print(f"{time.monotonic() - began:.0f} s in all. Log: tensorboard --logdir {folder}")
-    CONSOLE.print(f"Watch it play: minigolf video --policy {model} --course {args.course} -o putt.mp4", soft_wrap=True)
+    CONSOLE.print(f"{time.monotonic() - began:.0f} s in all. Log: tensorboard --logdir {folder}", soft_wrap=True)
+    if args.observation != "pixels":  # Files of convolutional networks are read by stable-baselines3 alone.
+        words = f"minigolf video --policy {folder / 'best.zip'} --course {args.course} -o putt.mp4"
+        CONSOLE.print(f"Watch it play: {words}", soft_wrap=True)
     return scores
 
 
 def train(args: Args, build: Build[Args], callbacks: Sequence[BaseCallback], folder: Path) -> type[BaseAlgorithm]:
     """Learn until the putts are played, from the folder's checkpoint if it has one; return the algorithm's class."""
     torch.set_num_threads(1)  # The networks are tiny: a second thread mostly waits for the first, at full load.
-    envs = gym.make_vec(
-        "minigolf_env:MiniGolf-v0",
-        num_envs=args.num_envs,
-        autoreset_mode="SameStep",
-        observation=args.observation,
-        num_levels=args.num_levels,
-        **args.game,
-    )
-    adapted = SB3VecEnv(envs)
-    monitored = VecMonitor(FacingVecEnv(adapted) if args.facing else adapted)
-    model = build(args, monitored)
+    torch.set_flush_denormal(True)  # Adam's moments of weights that no longer matter fade into slow numbers.
+    envs = make_envs(args)
+    model = build(args, envs)
     model.tensorboard_log = str(folder)
     resume = (folder / "checkpoint.zip").is_file()
     if resume:
-        model = type(model).load(folder / "checkpoint.zip", env=monitored, device=model.device)
+        model = type(model).load(folder / "checkpoint.zip", env=envs, device=model.device)
     checkpoints = Checkpoints(args, folder)
     try:
         with stoppable(folder, lambda: checkpoints.save("checkpoint.zip")):
@@ -152,8 +147,24 @@ def train(args: Args, build: Build[Args], callbacks: Sequence[BaseCallback], fol
             )
             checkpoints.check()
     finally:
-        monitored.close()
+        envs.close()
     return type(model)
+
+
+def make_envs(args: Run) -> VecMonitor:
+    """Return the native batch as stable-baselines3 wants it."""
+    envs: VecEnv = SB3VecEnv(
+        gym.make_vec(
+            "minigolf_env:MiniGolf-v0",
+            num_envs=args.num_envs,
+            autoreset_mode="SameStep",
+            observation=args.observation,
+            reward=args.reward,
+            num_levels=args.num_levels,
+            **args.game,
+        )
+    )
+    return VecMonitor(FacingVecEnv(envs) if args.facing else envs)
 
 
 @contextlib.contextmanager
@@ -164,6 +175,8 @@ def stoppable(folder: Path, save: Callable[[], None]) -> Iterator[None]:
     except KeyboardInterrupt:
         save()
         raise SystemExit(f"Interrupted and saved. {_go_on(folder)}") from None
+    except TimeoutError:  # An OSError, too, but Ray's: it says nothing of the disk.
+        raise
     except OSError as error:
         raise SystemExit(f"Could not save: {error}. The last checkpoint is whole. {_go_on(folder)}") from error
 
@@ -175,7 +188,7 @@ class Checkpoints(BaseCallback):
         super().__init__()
         self.args, self.folder = args, folder
         progress = folder / "progress.json"
-        self.best = json.loads(progress.read_text())["best_strokes"] if progress.is_file() else float("inf")
+        self.history: list[dict[str, float]] = json.loads(progress.read_text()) if progress.is_file() else []
         self.saved_at = 0
 
     def _on_training_start(self) -> None:
@@ -201,17 +214,18 @@ class Checkpoints(BaseCallback):
             first_seed=args.check_seed,
             quiet=True,
         )
-        for name in ("strokes", "holed", "hole_in_one"):
-            self.logger.record(f"eval/{name}", getattr(score, name))
+        row = {name: getattr(score, name) for name in ("strokes", "holed", "hole_in_one")}
+        for name, value in row.items():
+            self.logger.record(f"eval/{name}", value)
         self.logger.dump(self.num_timesteps)
-        if score.strokes < self.best:
-            self.best = score.strokes
+        best = min((row["strokes"] for row in self.history), default=float("inf"))
+        if score.strokes < best:
             self.save("best.zip")
-        progress = {"putts": self.num_timesteps, "best_strokes": self.best}
-        write(self.folder / "progress.json", json.dumps(progress).encode())
+        self.history.append({"putts": self.num_timesteps, **row})
+        write(self.folder / "progress.json", json.dumps(self.history).encode())
         CONSOLE.print(
             f"{self.num_timesteps:>10,} putts: {score.strokes:.2f} strokes, {score.holed:.0%} holed, "
-            f"{score.hole_in_one:.0%} holes-in-one (best {self.best:.2f})"
+            f"{score.hole_in_one:.0%} holes-in-one (best {min(best, score.strokes):.2f})"
         )
 
     def save(self, name: str) -> None:
@@ -225,7 +239,7 @@ def final_table(args: Run, learner: type[BaseAlgorithm], folder: Path) -> list[e
     """Score random, search and the best model on the same episodes."""
     best = PredictPolicy(learner.load(folder / "best.zip", device="cpu"), args.observation)
     players = {
-        "random": (load_policy("random"), args.final_episodes),
+        "random": (load_policy("random"), -(-args.final_episodes // 10)),
         "search": (load_policy("search"), args.search_episodes),
         learner.__name__: (best, args.final_episodes),
     }

@@ -33,9 +33,10 @@ class Args(train_ppo.Args):
     num_envs: int = 1024
     n_steps: int = 2
     batch_size: int = 1024
+    n_epochs: int = 4
     learning_rate: float = 1e-3
     log_std: tuple[float, float] = (-1.5, -4.0)
-    hidden: tuple[int, ...] = (256, 256)
+    hidden: tuple[int, ...] = (128, 128)
 
 
 def main(args: Args) -> list[Score]:

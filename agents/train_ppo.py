@@ -41,6 +41,8 @@ class Args(runs.Run):
     clip_range: float = 0.2
     log_std: tuple[float, float] = (-1.9, -5.0)
     """Log of the noise's standard deviation (shares of the top speed), first and last; see ``Annealing``."""
+    anneal: bool = True
+    """Whether the noise narrows by ``log_std``; else PPO learns it, from the first on."""
     hidden: tuple[int, ...] = (64, 64)
     activation: str = "tanh"
 
@@ -85,7 +87,12 @@ def build(args: Args, envs: VecMonitor, policy: str = "MlpPolicy", **policy_kwar
         gamma=args.gamma,
         gae_lambda=args.gae_lambda,
         clip_range=args.clip_range,
-        policy_kwargs={"net_arch": list(args.hidden), "activation_fn": ACTIVATIONS[args.activation], **policy_kwargs},
+        policy_kwargs={
+            "net_arch": list(args.hidden),
+            "activation_fn": ACTIVATIONS[args.activation],
+            "log_std_init": args.log_std[0],
+            **policy_kwargs,
+        },
         seed=args.seed,
         device="cpu",
     )
@@ -93,7 +100,7 @@ def build(args: Args, envs: VecMonitor, policy: str = "MlpPolicy", **policy_kwar
 
 def callbacks(args: Args) -> Sequence[BaseCallback]:
     """Return what happens while it learns."""
-    return [Annealing(*args.log_std, args.putts)]
+    return [Annealing(*args.log_std, args.putts)] if args.anneal else []
 
 
 def main(args: Args) -> list[Score]:

@@ -79,7 +79,13 @@ class Args(runs.Run):
     def environment(self) -> dict[str, Any]:
         """The arguments of the environments, with the course itself: its file need not be on the other nodes."""
         course = self.course if self.course == PROCEDURAL else load_course(self.course)
-        return {**self.game, "course": course, "observation": self.observation, "num_levels": self.num_levels}
+        return {
+            **self.game,
+            "course": course,
+            "observation": self.observation,
+            "reward": self.reward,
+            "num_levels": self.num_levels,
+        }
 
 
 class Training(runs.Checkpoints):

@@ -1,14 +1,18 @@
 """Are the endless levels sound? Generates, plays and solves many of each difficulty.
 
-``python -m benchmarks.levels --levels 1000``. Of each level it is counted how long it takes to make; whether random
-play ever exhausts a step's pieces, ends in a solid or where no putt moves the ball; and in how many strokes search
-holes out from the middle of the tee.
+``python -m benchmarks.levels --levels 1000 --log levels.jsonl``. Of each level it is counted how long it takes to
+make; whether a putt of random play or of search ever exhausts a step's pieces, ends in a solid or not in time; whether
+random play gets out under the border, or to where no putt moves the ball; and in how many strokes search holes out from
+the middle of the tee. What the log already has is not done again.
 """
 
 from __future__ import annotations
 
+import json
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -16,20 +20,31 @@ import tyro
 from tqdm import tqdm
 
 from benchmarks.report import print_table
-from minigolf_env.courses.procedural import DIFFICULTIES
+from benchmarks.watch import random_putts, stuck, watch
+from minigolf_env.courses.procedural import DIFFICULTIES, GENERATOR
 from minigolf_env.courses.procedural.build import build_level
 from minigolf_env.envs import MiniGolfEnv, Result, Task
-from minigolf_env.envs.task import MAX_TIME, FloatArray
+from minigolf_env.envs.task import FloatArray
 from minigolf_env.scoring import strokes_of_search
 
 WAVES = 4
 """Putts that each ball of random play makes, each from where the one before ended."""
 
-MOVED = 0.3
-"""A ball that a putt moves by so much is not stuck, m."""
-
-PROBES = 16
-"""Putts that try to move a ball: full ones and gentle ones all around."""
+COLUMNS = (
+    "",
+    "levels",
+    "ms to make + compile",
+    "solved",
+    "strokes of search",
+    "random putts",
+    "out of bounds",
+    "out under the border",
+    "stuck",
+    "putts, search's too",
+    "late",
+    "exhausted",
+    "in a solid",
+)
 
 
 @dataclass(frozen=True)
@@ -45,6 +60,8 @@ class Args:
     difficulty: tuple[str, ...] = DIFFICULTIES
     strokes: int = 10
     """Within which search has to hole out."""
+    log: Path | None = None
+    """A file that gets a line of JSON for each level; a run that was cut off goes on from it."""
 
 
 class Report(NamedTuple):
@@ -54,20 +71,24 @@ class Report(NamedTuple):
     """CPU time to make the course, s."""
     world: float
     """CPU time to compile its world, s."""
-    putts: int
-    out: int
-    """Putts out of bounds."""
-    late: int
-    """Putts that did not come to rest in time."""
-    exhausted: int
-    low_out: int
-    """Balls that got out without ever being as high as a border."""
-    inside: int
-    """Resting places in a solid."""
-    stuck: int
-    """Resting places that no putt leaves."""
     strokes: int
     """That search took; more than allowed: it did not hole out."""
+    random: int
+    """Putts of random play."""
+    out: int
+    """Of these, out of bounds."""
+    low_out: int
+    """Of these, without ever being as high as a border."""
+    stuck: int
+    """Resting places of random play that no putt leaves."""
+    putts: int
+    """Of random play and search together."""
+    late: int
+    """Of these, not at rest in time."""
+    exhausted: int
+    """Of these, ones that used up the pieces of a step."""
+    inside: int
+    """Of these, ones that ended in a solid."""
 
 
 def examine(env: MiniGolfEnv, difficulty: str, level: int, args: Args) -> Report:
@@ -78,84 +99,84 @@ def examine(env: MiniGolfEnv, difficulty: str, level: int, args: Args) -> Report
     course.world()
     compiled = time.process_time()
     env.reset(seed=0, options={"level": level})
+    watched = watch(env)
     task, rng = env.task, np.random.default_rng(level)
-    balls = np.tile(np.append(task.course.tee.centre, task.course.ball_radius), (args.balls, 1))
-    seen = np.zeros(6, np.int64)
+    tee = np.append(task.course.tee.centre, task.course.ball_radius)
+    balls, out, low_out = np.tile(tee, (args.balls, 1)), 0, 0
     for _ in range(WAVES):
-        seen, balls = _wave(task, balls, rng, seen)
-    stuck = int((~_moves(task, balls)).sum())
+        velocities, outcome = random_putts(task, balls, rng)
+        gone = outcome.result == Result.OUT_OF_BOUNDS
+        out += int(gone.sum())
+        low_out += sum(_is_low(task, ball, velocity) for ball, velocity in zip(balls[gone], velocities[gone]))
+        balls = np.where(outcome.holed[:, None], tee, outcome.position)
     return Report(
-        built - begun, compiled - built, WAVES * args.balls, *seen[:5].tolist(), stuck, strokes_of_search(env)
+        build=built - begun,
+        world=compiled - built,
+        strokes=strokes_of_search(env),
+        random=WAVES * args.balls,
+        out=out,
+        low_out=low_out,
+        stuck=stuck(task, balls),
+        putts=watched.putts,
+        late=watched.late,
+        exhausted=watched.exhausted,
+        inside=watched.inside,
     )
 
 
-def _wave(task: Task, balls: FloatArray, rng: np.random.Generator, seen: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Putt each ball anywhere; return what has been seen by now, and where they lie: on the tee again if holed."""
-    turns, shares = rng.uniform(0.0, 2.0 * np.pi, len(balls)), rng.random(len(balls)) ** 0.5
-    velocities = task.launch(np.stack([shares * np.cos(turns), shares * np.sin(turns)], axis=-1))
-    shot = task.world.simulate_batch(balls, velocities, MAX_TIME)
-    outcome = task.play(balls, velocities)
-    out, late = outcome.result == Result.OUT_OF_BOUNDS, outcome.result == Result.TIME_LIMIT
+def _is_low(task: Task, ball: FloatArray, velocity: FloatArray) -> bool:
+    """Return whether a putt gets nowhere as high as the border's lowest top."""
     heights = next(part.mesh.vertices[:, 2] for part in task.course.parts if part.name == "border")
-    lowest = heights[heights > heights.min()].min()  # Its lowest top: all but the tops are at one level.
-    low = 0
-    for i in np.flatnonzero(out):
-        path, _ = task.trace(balls[i], velocities[i])
-        low += bool(path[:, 2].max() < lowest)
-    inside = 0
-    for ball in outcome.position:
-        try:
-            task.world.require_free(ball)
-        except ValueError:
-            inside += 1
-    tee = np.append(task.course.tee.centre, task.course.ball_radius)
-    after = np.where(outcome.holed[:, None], tee, outcome.position)
-    counts = [out.sum(), late.sum(), np.asarray(shot.exhausted).sum(), low, inside, 0]
-    return seen + np.array(counts), after
+    path, _ = task.trace(ball, velocity)
+    return bool(path[:, 2].max() < heights[heights > heights.min()].min())  # All but the tops are at one level.
 
 
-def _moves(task: Task, balls: FloatArray) -> FloatArray:
-    """Return for each ball (N,) whether some putt moves it on."""
-    turns = 2.0 * np.pi * np.arange(PROBES) / PROBES
-    putts = np.where(np.arange(PROBES)[:, None] % 2, 0.15, 1.0) * np.stack([np.cos(turns), np.sin(turns)], axis=-1)
-    starts = np.repeat(balls, PROBES, axis=0)
-    outcome = task.play(starts, task.launch(np.tile(putts, (len(balls), 1))))
-    away = np.linalg.norm(outcome.position - starts, axis=1).reshape(-1, PROBES)
-    return (away.max(axis=1) > MOVED) | outcome.holed.reshape(-1, PROBES).any(axis=1)
+def examine_all(difficulty: str, args: Args) -> Iterator[Report]:
+    """Yield what is seen of each level, from the log where it is there."""
+    env = MiniGolfEnv("procedural", difficulty=difficulty, tee="fixed", max_strokes=args.strokes + 1)
+    known = dict(_read(args.log)) if args.log is not None and args.log.exists() else {}
+    for level in tqdm(range(args.first, args.first + args.levels), difficulty, mininterval=10.0):
+        key = f"v{GENERATOR}-{difficulty}-{level}"
+        if key not in known:
+            known[key] = examine(env, difficulty, level, args)
+            if args.log is not None:
+                with args.log.open("a") as file:
+                    file.write(json.dumps([key, known[key]._asdict()]) + "\n")
+        yield known[key]
+
+
+def _read(log: Path) -> Iterator[tuple[str, Report]]:
+    for line in log.read_text().splitlines():
+        key, report = json.loads(line)
+        yield key, Report(**report)
 
 
 def main(args: Args) -> None:
-    """Examine the levels and print a row for each difficulty."""
+    """Examine the levels; print a row for each difficulty when it is done."""
     rows = []
     for difficulty in args.difficulty:
-        env = MiniGolfEnv("procedural", difficulty=difficulty, tee="fixed", max_strokes=args.strokes + 1)
-        levels = range(args.first, args.first + args.levels)
-        reports = [examine(env, difficulty, level, args) for level in tqdm(levels, difficulty, mininterval=10.0)]
-        unsolved = [level for level, report in zip(levels, reports, strict=True) if report.strokes > args.strokes]
-        odd = [
-            level
-            for level, r in zip(levels, reports, strict=True)
-            if r.late or r.exhausted or r.low_out or r.inside or r.stuck
-        ]
+        reports = list(examine_all(difficulty, args))
+        named = list(enumerate(reports, args.first))
+        unsolved = [level for level, r in named if r.strokes > args.strokes]
+        odd = [level for level, r in named if r.late or r.exhausted or r.low_out or r.inside or r.stuck]
         table = np.array(reports)
-        total = dict(zip(Report._fields, table.sum(axis=0), strict=True))
+        total = dict(zip(Report._fields, table.sum(axis=0).tolist(), strict=True))
         build, world = 1e3 * np.median(table[:, :2], axis=0)
-        strokes = table[:, Report._fields.index("strokes")]
+        counts = [total[name] for name in ("low_out", "stuck", "putts", "late", "exhausted", "inside")]
         rows.append(
             [
                 difficulty,
-                f"{args.levels}",
+                f"{len(reports)}",
                 f"{build:.1f} + {world:.1f}",
-                f"{(strokes <= args.strokes).mean():.2%}",
-                f"{strokes.mean():.2f}",
-                f"{total['putts']:,.0f}",
-                f"{total['out'] / total['putts']:.2%}",
-                *(f"{total[name]:.0f}" for name in ("late", "exhausted", "low_out", "inside", "stuck")),
+                f"{1.0 - len(unsolved) / len(reports):.2%}",
+                f"{total['strokes'] / len(reports):.2f}",
+                f"{total['random']:,.0f}",
+                f"{total['out'] / total['random']:.2%}",
+                *(f"{count:,.0f}" for count in counts),
             ]
         )
         print(difficulty, "not holed out:", unsolved, "odd:", odd)
-    columns = ["", "levels", "ms to make + compile", "solved", "strokes of search", "random putts", "out of bounds"]
-    print_table([*columns, "late", "exhausted", "out under the border", "in a solid", "stuck"], rows)
+        print_table(COLUMNS, rows)
 
 
 if __name__ == "__main__":

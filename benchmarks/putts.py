@@ -1,6 +1,7 @@
 """Do all putts end, on the course and out of its walls? Run: python -m benchmarks.putts.
 
-Plays random putts from the tee of each bundled course (in the room: throws) and counts what must not happen.
+Plays random putts from the tee of each bundled course (in the room: throws) and counts what must not happen; and from
+some places where they end, whether any putt leads on from there.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import tyro
 
+from benchmarks.watch import stuck
 from minigolf_env.courses import list_courses, load_course
 from minigolf_env.envs.options import make_task
 from minigolf_env.physics import Status
@@ -22,6 +24,8 @@ class Args:
 
     putts: int = 100_000
     seed: int = 0
+    lies: int = 500
+    """Resting places that are tried."""
     courses: tuple[str, ...] = (*list_courses(), "room")
 
 
@@ -44,7 +48,11 @@ def main(args: Args) -> None:
         seconds = time.perf_counter() - began
         holed = ""
         if course.cup is not None:
-            holed = f", holed {make_task(course).is_holed(shots.position, shots.velocity).mean():.2%}"
+            task = make_task(course)
+            in_cup = task.is_holed(shots.position, shots.velocity)
+            lies = shots.position[~in_cup & (np.asarray(shots.status) == Status.REST)]
+            lies = rng.permutation(lies)[: args.lies]
+            holed = f", holed {in_cup.mean():.2%}, stuck {stuck(task, lies)} of {len(lies)} lies"
         ends = {status.name.lower(): int((np.asarray(shots.status) == status).sum()) for status in Status}
         clearance = world.clearance(shots.position).min() / world.scale
         print(f"{name}: {args.putts:,} putts, {ends}, exhausted {np.sum(shots.exhausted)}{holed}", end=", ")

@@ -7,6 +7,9 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
+from minigolf_env.catalogue import picture
+from minigolf_env.courses import load_course
+from minigolf_env.courses.procedural import DIFFICULTIES, level_name
 from minigolf_env.envs import MiniGolfEnv
 from minigolf_env.planning import search
 from minigolf_env.rendering.offscreen import draw
@@ -27,6 +30,17 @@ def hole_in_one(moment: float) -> Image.Image:
     return Image.fromarray(draw(env.task.course, camera, frame._replace(lines=(film.way(400),)), SIZE))
 
 
+def levels(numbers: range, size: tuple[int, int] = (300, 225)) -> Image.Image:
+    """Return levels of each difficulty, a row each, in pictures of a size (pixels)."""
+    sheet = Image.new("RGB", (len(numbers) * size[0], len(DIFFICULTIES) * size[1]))
+    for row, difficulty in enumerate(DIFFICULTIES):
+        for column, number in enumerate(numbers):
+            shot = picture(load_course(level_name(difficulty, number)), "orbit", size)
+            sheet.paste(Image.fromarray(shot), (column * size[0], row * size[1]))
+    return sheet
+
+
 if __name__ == "__main__":
     PICTURES.mkdir(exist_ok=True)
     hole_in_one(1.75).save(PICTURES / "dogleg.jpg", quality=90)
+    levels(range(4)).save(PICTURES / "levels.jpg", quality=88)

@@ -96,8 +96,10 @@ def write_pictures(folder: Path) -> Path:
 
 
 def write_preview(course: Course, path: Path) -> None:
-    """Write a picture of a course from behind the tee, from above and from a side."""
+    """Write a picture of a course from behind the tee, from above and from a side, and its folder."""
     import matplotlib.image
+
+    path.parent.mkdir(parents=True, exist_ok=True)
 
     views = [picture(course, camera, (480, 480)) for camera in ("tee", "top", "orbit")]
     matplotlib.image.imsave(path, np.concatenate(views, axis=1))

@@ -33,7 +33,7 @@ def play(
     """Play minigolf with the mouse or the keyboard.
 
     Args:
-        course: a hole, or "room" to throw a ball in three dimensions.
+        course: a hole, "round" for the nine of a round, or "room" to throw a ball in three dimensions.
         opponent: plays against you: "search", "random", "ppo" or a model's .zip or .npz file.
         size: of the window, pixels.
         profile: "high", "fast" or "auto".
@@ -56,13 +56,13 @@ def video(
     fps: int = 30,
     profile: str = "high",
 ) -> None:
-    """Film a policy that plays a hole.
+    """Film a policy that plays a hole, or a round.
 
     Args:
         output: the file to write, .mp4 or .gif.
-        course: the hole.
+        course: the hole, or "round" for nine in turn.
         policy: "search", "random", "ppo" or a model's .zip or .npz file.
-        episodes: how often the hole is played.
+        episodes: how many to play: 9 are a whole round.
         seed: of the environment and the random policy.
         camera: "follow", "top", "tee" or "orbit".
         size: width and height, pixels.
@@ -142,6 +142,7 @@ def map_(
 def evaluate(
     policy: str = "search",
     course: str = "dogleg",
+    difficulty: str | None = None,
     episodes: int = 100,
     first_seed: int = 1_000_000,
     max_strokes: int = 10,
@@ -149,13 +150,14 @@ def evaluate(
     watch: bool = False,
     json: Path | None = None,
 ) -> None:
-    """Score a policy on one hole: strokes over fixed seeds, with confidence intervals.
+    """Score a policy on a hole or on levels: strokes over fixed seeds, with confidence intervals.
 
     Args:
         policy: "search", "random", "ppo" or a model's .zip or .npz file.
-        course: a hole's name or file.
+        course: a hole's name or file, "round" for nine in turn, or "procedural" for levels.
+        difficulty: of levels.
         episodes: how many.
-        first_seed: episode i is seeded with so much more than i; a random policy with this too.
+        first_seed: episode i is seeded with so much more than i, or played on that level; seeds a random policy, too.
         max_strokes: of an episode.
         putt_noise: standard deviations of direction (degrees) and speed (share of it).
         watch: show the putts in a window.
@@ -170,6 +172,7 @@ def evaluate(
         load_policy(policy, first_seed),
         policy,
         course,
+        difficulty=difficulty,
         episodes=episodes,
         first_seed=first_seed,
         max_strokes=max_strokes,

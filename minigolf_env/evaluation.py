@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from tqdm import tqdm
 
 from minigolf_env.courses.procedural import PROCEDURAL
-from minigolf_env.envs import MiniGolfEnv, MiniGolfVectorEnv
+from minigolf_env.envs import MiniGolfEnv, MiniGolfVectorEnv, in_turn
+from minigolf_env.envs.levels import Levels
 from minigolf_env.policies import BatchPolicy, Policy
 from minigolf_env.scoring import (
     Interval,
@@ -96,13 +97,13 @@ def evaluate(
         rules |= {"difficulty": difficulty, "tee": "fixed"}
     elif difficulty is not None:
         raise ValueError(f"difficulty: expected with course={PROCEDURAL!r} only, received {difficulty!r}.")
-    numbers = range(first_seed, first_seed + episodes)
+    starts = [_Start.of(course, first_seed, k) for k in range(episodes)]
     if isinstance(policy, BatchPolicy) and not watch:
-        played = _play_together(policy, course, numbers, rules)
+        played = _play_together(policy, course, starts, rules)
     else:
         env = MiniGolfEnv(course, "human" if watch else None, **rules)
-        bar = tqdm(numbers, f"{name} plays", leave=False, disable=quiet or None)
-        played = [play_episode(env, policy, number, _options(course, number)) for number in bar]
+        bar = tqdm(starts, f"{name} plays", leave=False, disable=quiet or None)
+        played = [play_episode(env, policy, *start) for start in bar]
         env.close()
     strokes, holed = (np.array(column) for column in zip(*played, strict=True))
     aces = int((holed & (strokes == 1)).sum())
@@ -124,18 +125,28 @@ def evaluate(
     )
 
 
-def _play_together(policy: BatchPolicy, course: str, numbers: Sequence[int], rules: dict[str, Any]) -> list[Played]:
+class _Start(NamedTuple):
+    """How an episode is reset."""
+
+    seed: int
+    options: dict[str, int]
+    """The level, or the hole of a round."""
+
+    @staticmethod
+    def of(course: str, first: int, episode: int) -> _Start:
+        """Return the start of an episode, counted from 0."""
+        number = first + episode
+        return _Start(number, {Levels.key: number} if course == PROCEDURAL else in_turn(course, episode))
+
+
+def _play_together(policy: BatchPolicy, course: str, starts: Sequence[_Start], rules: dict[str, Any]) -> list[Played]:
     played: list[Played] = []
-    for i in range(0, len(numbers), BATCH):
-        batch = numbers[i : i + BATCH]
+    for i in range(0, len(starts), BATCH):
+        batch = starts[i : i + BATCH]
         envs = MiniGolfVectorEnv(len(batch), course, **rules)
-        played += play_together(envs, policy, batch[0], _options(course, list(batch)))
+        options = {key: [start.options[key] for start in batch] for key in batch[0].options}
+        played += play_together(envs, policy, batch[0].seed, options)
     return played
-
-
-def _options(course: str, numbers: int | list[int]) -> dict[str, Any] | None:
-    """Return a reset's options that choose the levels, on a course of levels."""
-    return {"level": numbers} if course == PROCEDURAL else None
 
 
 def print_scores(scores: Sequence[Score]) -> None:

@@ -13,6 +13,7 @@ from tqdm import tqdm
 from minigolf_env.courses import Course, load_course
 from minigolf_env.envs.options import check_lie, make_task
 from minigolf_env.envs.task import Outcome, Result
+from minigolf_env.physics.checks import one_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -68,8 +69,10 @@ def simulate(
         among: which of the directions are played, by number; None: all. A map is the same bits, whole or in parts.
 
     Raises:
-        ValueError: no such course, or the ball cannot lie there.
+        ValueError: no such course, the ball cannot lie there, or directions or speeds below 1.
     """
+    if directions < 1 or speeds < 1:
+        raise ValueError(f"map: expected directions and speeds >= 1, received {(directions, speeds)}.")
     golf = load_course(course)
     task = make_task(golf)
     x, y = golf.tee.centre if tee is None else tee
@@ -149,13 +152,19 @@ def write_map(
     speeds: int = SPEEDS,
     progress: bool = False,
 ) -> Putts:
-    """Simulate, draw and write the picture; return the putts. Arguments and errors as ``simulate``."""
+    """Simulate, draw and write the picture, and its folder; return the putts. Arguments and errors as ``simulate``.
+
+    Raises:
+        ValueError: matplotlib writes no such pictures; nothing was simulated then.
+    """
     from matplotlib.figure import Figure
 
-    putts = simulate(course, tee, directions, speeds, progress)
     figure = Figure(figsize=(13.0, 5.0), layout="constrained")
+    one_of(output.suffix[1:].lower(), tuple(figure.canvas.get_supported_filetypes()), "output: the file's ending")
+    putts = simulate(course, tee, directions, speeds, progress)
     left, right = figure.subplots(1, 2, width_ratios=(2.2, 1.0))
     draw_map(left, load_course(course), putts)
     draw_polar(right, putts)
+    output.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(output, dpi=90)
     return putts

@@ -10,7 +10,7 @@ import numba
 import numpy as np
 import pytest
 
-from benchmarks import batch, exactness, search, speed
+from benchmarks import batch, exactness, levels, par, search, speed
 from benchmarks.energy_figure import draw, spread
 from benchmarks.peers import PEERS, load_peers
 from benchmarks.peers.engine import Minigolf
@@ -54,6 +54,25 @@ def test_speed_prints_its_tables(capsys: pytest.CaptureFixture[str]) -> None:
     printed = capsys.readouterr().out
     for row in ("steps/s while putting, S", "putts to rest/s, M", "sphere sweeps/s, M", "time against", "bytes kept"):
         assert row in printed
+
+
+def test_the_benchmark_of_levels_goes_on_from_its_log(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A level that the log has is not examined again; the table is the same."""
+    log = tmp_path / "levels.jsonl"
+    levels.main(levels.Args(levels=1, balls=2, difficulty=("easy",), log=log))
+    before, lines = capsys.readouterr().out, log.read_text()
+    levels.main(levels.Args(levels=1, balls=2, difficulty=("easy",), log=log))
+    assert capsys.readouterr().out == before and log.read_text() == lines
+    assert "easy not holed out: [] odd: []" in before and "| 100.00% |" in before
+    levels.main(levels.Args(levels=2, balls=2, difficulty=("easy",), log=log))
+    assert log.read_text().startswith(lines) and len(log.read_text().splitlines()) == 2
+
+
+def test_par_is_looked_for(capsys: pytest.CaptureFixture[str]) -> None:
+    """A row for each hole; search's putts are counted."""
+    par.main(par.Args(rounds=2, courses=("funnel",)))
+    printed = capsys.readouterr().out
+    assert "| funnel | 2   | yes " in printed and "late 0; exhausted 0; in a solid 0" in printed
 
 
 def test_exactness_prints_its_table(capsys: pytest.CaptureFixture[str]) -> None:

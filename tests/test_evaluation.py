@@ -1,4 +1,4 @@
-"""The score of a player on one hole."""
+"""The score of a player on a hole, a round or levels."""
 
 from __future__ import annotations
 
@@ -13,6 +13,8 @@ import pytest
 from numpy.typing import NDArray
 
 from minigolf_env import cli, evaluation
+from minigolf_env.courses import NINE, ROUND
+from minigolf_env.courses.procedural import PROCEDURAL
 from minigolf_env.envs import MiniGolfEnv
 from minigolf_env.evaluation import evaluate
 from minigolf_env.policies import load_policy
@@ -73,7 +75,7 @@ def test_search_plays_better_than_random() -> None:
         (["--policy", "serch"], "did you mean 'search'"),
         (["--policy", "no.zip"], "there is none at no.zip"),
         (["--episodes", "0"], "episodes: expected at least 1"),
-        (["--course", "procedural"], "minigolf benchmark"),
+        (["--difficulty", "easy"], "course='procedural'"),
         (["--putt-noise", "-1", "0"], "putt_noise"),
     ],
 )
@@ -92,3 +94,18 @@ def test_watching_changes_no_score(display: str, tmp_path: Path) -> None:
     subprocess.run(command, env={**os.environ, "DISPLAY": display}, check=True, timeout=300)
     cli.main([*words, str(blind)])
     assert watched.read_text() == blind.read_text()
+
+
+def test_levels_are_played_one_after_the_other() -> None:
+    """Episode i on level first_seed + i, from the middle of its tee; in a batch as one by one."""
+    settings = {"difficulty": "easy", "episodes": 4, "max_strokes": 3, "first_seed": 50}
+    one, many = (evaluate(policy, "aims", PROCEDURAL, **settings) for policy in (Aims(), AimsTogether()))  # type: ignore[arg-type]
+    assert one == many and (one.difficulty, one.first_seed) == ("easy", 50)
+
+
+def test_a_round_is_played_hole_by_hole() -> None:
+    """Though each episode is seeded: its strokes are those of the holes alone, in a batch as one by one."""
+    aims = Aims()
+    holes = [evaluate(aims, "aims", name, episodes=1, first_seed=7 + k, max_strokes=3) for k, name in enumerate(NINE)]
+    one, many = (evaluate(p, "aims", ROUND, episodes=9, first_seed=7, max_strokes=3) for p in (aims, AimsTogether()))
+    assert one == many and one.strokes == np.mean([hole.strokes for hole in holes])

@@ -35,8 +35,9 @@ def test_a_map_is_drawn_on_axes_and_written(tmp_path: Path) -> None:
     """From Python and as a picture."""
     from matplotlib.figure import Figure
 
-    putts = write_map(tmp_path / "map.png", "islands", directions=24, speeds=6)
-    assert (tmp_path / "map.png").read_bytes()[:4] == b"\x89PNG"
+    path = tmp_path / "maps" / "map.png"
+    putts = write_map(path, "islands", directions=24, speeds=6)
+    assert path.read_bytes()[:4] == b"\x89PNG"
     axes = Figure().subplots()
     draw_map(axes, load_course("islands"), putts)
     assert "144 putts" in axes.get_title()
@@ -46,3 +47,11 @@ def test_a_tee_in_a_wall_is_refused() -> None:
     """As the environment does."""
     with pytest.raises(ValueError, match="expected a ball in free space"):
         simulate("dogleg", tee=(3.3, 1.5), directions=4, speeds=2)
+
+
+def test_maps_that_cannot_be_are_refused_before_the_putts(tmp_path: Path) -> None:
+    """No directions, or a picture of no known kind."""
+    with pytest.raises(ValueError, match=r"directions and speeds >= 1, received \(0, 2\)"):
+        simulate("dogleg", directions=0, speeds=2)
+    with pytest.raises(ValueError, match=r"output: the file's ending: expected one of .*'png'.*received 'pgn'"):
+        write_map(tmp_path / "map.pgn", "dogleg")

@@ -58,7 +58,7 @@ def read_scene(content: bytes, limits: Limits) -> tuple[list[Object], Data]:
         CourseError: the file is not a glTF binary of plain triangles, or has too many of them.
     """
     try:
-        data, binary = _chunks(content)
+        data, binary = _chunks(content, limits)
         nodes = data.get("nodes", [])
         scene = data.get("scenes", [{}])[data.get("scene", 0)]
         reader = _Reader(data, binary, limits)
@@ -79,7 +79,7 @@ class _Reader:
     def __init__(self, data: Data, binary: bytes, limits: Limits) -> None:
         self.data, self.binary, self.limits = data, binary, limits
         self.visited: set[int] = set()
-        self.triangles = 0
+        self.triangles = self.corners = 0
 
     def visit(self, number: int, above: FloatArray, depth: int, objects: list[Object]) -> None:
         """Append the object of a node, and those below it."""
@@ -108,6 +108,8 @@ class _Reader:
             if index.size and index.max() >= len(corners):
                 raise ValueError("indices beyond the positions")
             first += len(corners)
+            self.corners += len(corners)  # Of one array again and again, they cost a file nothing.
+            self.limits.check_triangles(self.corners // 3)
             self.triangles += index.size // 3
             self.limits.check_triangles(self.triangles)
         vertices = _y_to_z(_exact(np.concatenate(points), extras, matrix))
@@ -149,7 +151,7 @@ class _Reader:
         return array if width == 3 else array.reshape(-1)
 
 
-def _chunks(content: bytes) -> tuple[Data, bytes]:
+def _chunks(content: bytes, limits: Limits) -> tuple[Data, bytes]:
     """Return the JSON and the binary chunk of a .glb file."""
     magic, version, length = struct.unpack_from("<4sII", content)
     if magic != b"glTF" or version != 2 or length > len(content):
@@ -157,6 +159,7 @@ def _chunks(content: bytes) -> tuple[Data, bytes]:
     size, kind = struct.unpack_from("<I4s", content, 12)
     if kind != b"JSON" or 20 + size > len(content):
         raise ValueError("the JSON chunk")
+    limits.check_bytes("JSON in it", size, text=True)
     data = json.loads(content[20 : 20 + size])
     rest = content[20 + size :]
     binary = b""

@@ -28,6 +28,12 @@ HOLES = (
 )
 """Courses with a cup, in the order of play."""
 
+ROUND = "round"
+"""The course whose episodes are the holes of NINE in turn."""
+
+NINE = HOLES[:9]
+"""The holes of a round; the others are for those who want more."""
+
 ROOMS = ("room",)
 """Courses without: a ball is thrown and bounces."""
 

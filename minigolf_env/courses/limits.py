@@ -15,7 +15,8 @@ class Limits:
     file_bytes: int = 64_000_000
     """Of one .glb or mesh file."""
     text_bytes: int = 16_000_000
-    """Of one .toml file, which takes a hundred times its size while it is read."""
+    """Of one .toml, .obj, .ply or text .stl file, which take a hundred times their size while they are read, and of the
+    JSON in a .glb file."""
     triangles: int = 500_000
     """Of a whole course."""
     cells: int = 200_000

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
+from io import BytesIO
 from pathlib import Path, PurePosixPath, PureWindowsPath
 
 import numpy as np
@@ -18,13 +20,16 @@ from minigolf_env.courses.terrain import triangulated
 
 ENDINGS = (".obj", ".stl", ".ply", ".glb")
 
+FARTHEST = 1000.0
+"""Largest coordinate taken, m."""
+
 
 def inline_mesh(record: Mesh, limits: Limits) -> Trimesh:
     """Return the mesh that a course file writes out."""
     vertices, faces = np.array(record.vertices, dtype=np.float64), np.array(record.faces, dtype=np.int64)
     limits.check_triangles(len(faces))
-    if not len(faces) or not np.isfinite(vertices).all() or np.abs(vertices).max() > 1000.0:
-        raise CourseError("vertices and faces: expected finite numbers within 1000 m, and at least one face.")
+    if not len(faces) or not np.isfinite(vertices).all() or np.abs(vertices).max() > FARTHEST:
+        raise CourseError(f"vertices and faces: expected finite numbers within {FARTHEST:g} m, and at least one face.")
     if faces.min() < 0 or faces.max() >= len(vertices):
         raise CourseError(f"faces: expected rows 0 to {len(vertices) - 1} of vertices, received up to {faces.max()}.")
     return Trimesh(vertices, faces, process=False)
@@ -67,15 +72,44 @@ def read_mesh(name: str, folder: Path | None, limits: Limits) -> Trimesh:
         if not solids:
             raise CourseError(f"file: expected triangles, received {name!r} without any.")
         return _joined(solids)
+    content, ending = path.read_bytes(), path.suffix[1:].lower()
+    if not _is_binary_stl(content):
+        limits.check_bytes(f"file {name!r}", len(content), text=True)
+        content = _triangles_alone(content, ending)
     try:
-        with path.open("rb") as stream:
-            mesh: object = trimesh.load_mesh(stream, file_type=path.suffix[1:].lower())
+        mesh: object = trimesh.load_mesh(BytesIO(content), ending)
     except Exception as error:  # Whatever a reader makes of a broken file.
         raise CourseError(f"file: expected a mesh, received {name!r} that cannot be read: {error!r:.200}.") from error
     if not isinstance(mesh, Trimesh) or not len(mesh.faces) or not np.isfinite(mesh.vertices).all():
         raise CourseError(f"file: expected triangles with finite corners, received {name!r}: {mesh!r:.100}.")
     limits.check_triangles(len(mesh.faces))
     return mesh
+
+
+def _is_binary_stl(content: bytes) -> bool:
+    """Return whether a mesh file is a header of 80 bytes, the number of its triangles, and 50 bytes for each."""
+    return len(content) == 84 + 50 * int.from_bytes(content[80:84], "little")
+
+
+def _triangles_alone(content: bytes, ending: str) -> bytes:
+    """Return a mesh file with nothing in its text but corners and faces, as one group.
+
+    Each group, material and solid, of which a hostile file has many, would cost the reader a pass over the whole file.
+    """
+    if ending == "ply":
+        return content
+    text = content.decode("ascii", "ignore")
+    if ending == "stl":
+        return "\n".join(["solid", *re.findall("vertex[ \t].*", text, re.IGNORECASE), "endsolid\n"]).encode()
+    lines = re.findall("^[ \t]*([vf][ \t].*)", text.replace("\\\n", ""), re.MULTILINE)
+    # Of a face the corners alone, no textures and normals; and no comments.
+    return re.sub("/[^ \t\n]*|#.*", "", "\n".join(lines)).encode()
+
+
+def check_place(mesh: Trimesh) -> None:
+    """Raise a CourseError if a mesh has a corner farther than FARTHEST from the origin."""
+    if not np.abs(mesh.vertices).max(initial=0.0) <= FARTHEST:
+        raise CourseError(f"mesh: expected corners within {FARTHEST:g} m, received some beyond; give a `scale`.")
 
 
 def cut_cup(mesh: Trimesh, cup: Cup, obstacles: Sequence[Outline]) -> Trimesh:

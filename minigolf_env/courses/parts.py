@@ -17,7 +17,7 @@ from minigolf_env.courses import description as d
 from minigolf_env.courses import solids
 from minigolf_env.courses.course import CourseError, Cup, Material
 from minigolf_env.courses.limits import Limits
-from minigolf_env.courses.meshes import cut_cup, inline_mesh, read_mesh
+from minigolf_env.courses.meshes import check_place, cut_cup, inline_mesh, read_mesh
 from minigolf_env.courses.outlines import outline, union
 from minigolf_env.courses.solids import Outline, cup_hole, extruded
 from minigolf_env.courses.terrain import height_function, terrain
@@ -220,6 +220,7 @@ def _(record: d.Mesh, site: Site) -> Iterator[Solid]:
     if record.scale != 1.0:
         mesh = Trimesh(mesh.vertices * record.scale, mesh.faces, process=False)
     mesh = _placed(mesh, record.at, record.turn)
+    check_place(mesh)
     if mesh.volume < 0.0:  # Wound inwards; _parts does so where the ball is inside.
         mesh = Trimesh(mesh.vertices, mesh.faces[:, ::-1], process=False)
     if record.floor and site.cup is not None:

@@ -119,6 +119,7 @@ def _plan(area: Outline, cell: tuple[float, float]) -> tuple[FloatArray, NDArray
     shapely.prepare(inner)
     i, j = (index.ravel() for index in np.meshgrid(np.arange(columns), np.arange(rows), indexing="ij"))
     inside = shapely.contains(inner, shapely.box(xs[i], ys[j], xs[i + 1], ys[j + 1]))
+    cells = inside.reshape(columns, rows)
     i, j = i[inside], j[inside]
     points = np.stack(np.meshgrid(xs, ys, indexing="ij"), axis=-1).reshape(-1, 2)
     a, b = i * (rows + 1) + j, (i + 1) * (rows + 1) + j
@@ -127,13 +128,23 @@ def _plan(area: Outline, cell: tuple[float, float]) -> tuple[FloatArray, NDArray
     odd = ((i + j) % 2 == 1)[:, None]
     first = np.where(odd, quads[:, [0, 1, 2]], quads[:, [0, 1, 3]])
     second = np.where(odd, quads[:, [0, 2, 3]], quads[:, [1, 2, 3]])
-    seam_points, seam = triangulated(_seam(area, points, quads))
+    seam_points, seam = triangulated(_seam(area, points, quads, lambda x, y: cells[_cell(xs, x), _cell(ys, y)]))
     faces = np.concatenate([first, second, seam + len(points)])
     used, faces = np.unique(faces, return_inverse=True)
     return np.concatenate([points, seam_points])[used], faces.reshape(-1, 3)
 
 
-def _seam(area: Outline, points: FloatArray, quads: NDArray[np.int64]) -> list[Outline]:
+def _cell(corners: FloatArray, places: FloatArray) -> NDArray[np.int64]:
+    """Return which of the intervals between corners (C,) places (N,) are in."""
+    return np.clip(np.searchsorted(corners, places) - 1, 0, len(corners) - 2)
+
+
+def _seam(
+    area: Outline,
+    points: FloatArray,
+    quads: NDArray[np.int64],
+    is_cell: Callable[[FloatArray, FloatArray], NDArray[np.bool_]],
+) -> list[Outline]:
     """Return the polygons between the cells and the area's outline, with all corners of both."""
     if not len(quads):
         return [area]
@@ -145,11 +156,8 @@ def _seam(area: Outline, points: FloatArray, quads: NDArray[np.int64]) -> list[O
     ends = np.cumsum([len(ring.coords) for ring in rings])[:-1] - 1
     pairs = np.delete(np.stack([outer[:-1], outer[1:]], axis=1), ends, axis=0)
     pieces = shapely.get_parts(shapely.polygonize([*rim, *shapely.linestrings(pairs)]))
-    cells = shapely.box(*points[quads[:, 0]].T, *points[quads[:, 2]].T)
     middle = shapely.point_on_surface(pieces)
-    tree = shapely.STRtree(cells)
-    in_cells = np.zeros(len(pieces), bool)
-    in_cells[tree.query(middle, predicate="intersects")[0]] = True
+    in_cells = is_cell(*shapely.get_coordinates(middle).T)
     return list(pieces[~in_cells & shapely.contains(area, middle)])
 
 

@@ -1,4 +1,4 @@
-"""Which hole an episode is played on: always the same one, or a level drawn from a set."""
+"""Which hole an episode is played on: always the same one, the next of a round, or a level drawn from a set."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from minigolf_env.courses import NINE, ROUND, Course
 from minigolf_env.envs.task import Task
 
 ALL = 2**31
@@ -22,6 +23,7 @@ class OneHole:
     """
 
     has_levels = False
+    key = "level"
 
     def __init__(self, task: Task) -> None:
         self._task = task
@@ -30,7 +32,7 @@ class OneHole:
         """Return the hole."""
         return self._task
 
-    def draw(self, rng: np.random.Generator) -> Task:
+    def draw(self, rng: np.random.Generator, last: Task | None) -> Task:
         """Return the hole; draws nothing."""
         return self._task
 
@@ -38,6 +40,34 @@ class OneHole:
         """Raise a ValueError: there are no levels."""
         name = self._task.course.name
         raise ValueError(f"level: expected none on the course {name!r}, received {number!r}; 'procedural' has.")
+
+
+@dataclass(frozen=True)
+class Round:
+    """Holes played in turn: each episode on the next one, after the last on the first again."""
+
+    make: Callable[[int], Task]
+    """From a hole's number, 1 to ``number``, to the hole."""
+    number: int
+
+    has_levels = True
+    key = "hole"
+
+    def first(self) -> Task:
+        """Return the first hole."""
+        return self.make(1)
+
+    def draw(self, rng: np.random.Generator, last: Task | None) -> Task:
+        """Return the hole after ``last``, the first if there was none; draws nothing."""
+        return self.make(1 if last is None or last.level is None else last.level % self.number + 1)
+
+    def level(self, number: Any) -> Task:
+        """Return a hole by its number.
+
+        Raises:
+            ValueError: there is no such hole.
+        """
+        return self.make(_checked(number, self.key, 1, self.number))
 
 
 @dataclass(frozen=True)
@@ -55,6 +85,7 @@ class Levels:
     """0: all levels there are, wherever ``start`` is."""
 
     has_levels = True
+    key = "level"
 
     def __post_init__(self) -> None:
         _checked(self.start, "start_level")
@@ -69,7 +100,7 @@ class Levels:
         """Return the first level."""
         return self.make(self.start)
 
-    def draw(self, rng: np.random.Generator) -> Task:
+    def draw(self, rng: np.random.Generator, last: Task | None) -> Task:
         """Return a level of the set, drawn from ``rng``."""
         first, number = (self.start, self.number) if self.number else (0, ALL)
         return self.make(first + int(rng.integers(number)))
@@ -83,11 +114,20 @@ class Levels:
         return self.make(_checked(number, "level"))
 
 
-def _checked(value: Any, what: str) -> int:
-    if isinstance(value, (int, np.integer)) and not isinstance(value, bool) and 0 <= value < ALL:
+def in_turn(course: str | Course, episode: int) -> dict[str, int]:
+    """Return options for the reset of an episode, counted from 0, that play the holes of a round in turn.
+
+    For those who seed every episode, which would begin the round anew each time. Empty on other courses.
+    """
+    return {Round.key: 1 + episode % len(NINE)} if course == ROUND else {}
+
+
+def _checked(value: Any, what: str, lowest: int = 0, highest: int = ALL - 1) -> int:
+    if isinstance(value, (int, np.integer)) and not isinstance(value, bool) and lowest <= value <= highest:
         return int(value)
-    raise ValueError(f"{what}: expected an integer from 0 to {ALL - 1}, received {value!r}.")
+    raise ValueError(f"{what}: expected an integer from {lowest} to {highest}, received {value!r}.")
 
 
-Tasks = OneHole | Levels
-"""What an environment draws its holes from."""
+Tasks = OneHole | Round | Levels
+"""What an environment draws its holes from. Each has a ``key``: what the number of a hole is called in info, states and
+reset's options; and ``has_levels``: whether holes have numbers."""

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from minigolf_env.courses import Course
 from minigolf_env.envs.options import check_actions, check_lie, make_setup, require_lie
-from minigolf_env.envs.state import read_state, state_of
+from minigolf_env.envs.state import number_of, read_state, state_of
 from minigolf_env.envs.task import FloatArray, Outcome, Result, action_space
 from minigolf_env.rendering import FPS, RENDER_MODES, Screen, Stage
 
@@ -58,6 +58,10 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
     With ``course="procedural"`` every episode is played on a level drawn from a set: ``num_levels`` of them from
     ``start_level`` on. Levels outside the set are for tests. ``reset(options={"level": 17})`` plays any level.
 
+    With ``course="round"`` the nine holes of ``minigolf_env.courses.NINE`` are played in turn, an episode each, then
+    the first again. A reset with a seed begins with the first; ``reset(options={"hole": 3})`` plays the third, and goes
+    on from there.
+
     ## End
     ``terminated`` when the ball is in the cup, and after ``max_strokes`` (a rule of the game: the strokes left are
     observed). ``truncated`` is always False. The cup is a hole in the floor's mesh; the ball is holed when it rests in
@@ -67,10 +71,12 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
     ## Info
     ``strokes`` (int) of the episode, ``is_success`` (bool) whether the ball is holed, ``status`` (str) of the last
     stroke: "tee", "rest", "holed", "out_of_bounds" or "time_limit", ``shot_time`` (float, s) and ``bounces`` (int) of
-    the last stroke, ``course`` (str), and on levels ``level`` (int).
+    the last stroke, ``course`` (str), on levels ``level`` (int), and on a round ``hole`` (int), from 1 on. The par of
+    what was played is ``minigolf_env.courses.par_of(info["course"])``.
 
     ## Arguments
-    course: a name of ``minigolf_env.courses.list_courses()``; a course file; "procedural"; or a Course with a cup.
+    course: a name of ``minigolf_env.courses.list_courses()``; a course file; "round"; "procedural"; or a Course
+        with a cup.
     difficulty: of the levels, "easy" (default), "medium" or "hard"; these three go with "procedural" only.
     start_level: the first level of the set, 0 by default.
     num_levels: levels in the set, 500 by default; 0: all there are, 2**31.
@@ -124,19 +130,22 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
     ) -> tuple[Observation, dict[str, Any]]:
         """Put the ball on the tee, or at ``options["position"]`` (3,), m; return (observation, info).
 
-        ``options["level"]`` is the number of the level to play, of the training set or not.
+        ``options["level"]`` is the number of the level to play, of the training set or not; of a round it is
+        ``options["hole"]``.
         """
         given = dict(options or {})
-        level, position = given.pop("level", None), given.pop("position", None)
+        key = self._tasks.key
+        level, position = given.pop(key, None), given.pop("position", None)
         if given:
-            raise ValueError(f"options: expected only 'level' and 'position', received {sorted(given)} as well.")
+            raise ValueError(f"options: expected only '{key}' and 'position', received {sorted(given)} as well.")
         if position is not None and level is None and self._tasks.has_levels:
-            raise ValueError("position: expected with a 'level', received none; it is a place on one level.")
+            raise ValueError(f"position: expected with a '{key}', received none; it is a place on one {key}.")
         task = None if level is None else self._tasks.level(level)
         if position is not None:
             position = check_lie(task or self.task, position)
         super().reset(seed=seed)
-        self.task = task or self._tasks.draw(self.np_random)
+        last = None if seed is not None or self._position is None else self.task
+        self.task = task or self._tasks.draw(self.np_random, last)
         if position is None:
             position = self.task.tee_off([self.np_random])[0]
         self._position, self._strokes, self._over = position, 0, False
@@ -179,7 +188,7 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
 
     def get_state(self) -> dict[str, Any]:
         """Return the episode's state, all that ``set_state`` needs to go on from here: plain values, a copy."""
-        return state_of(self.task, self._ball(), self._strokes, self._over, self.np_random)
+        return state_of(self._tasks, self.task, self._ball(), self._strokes, self._over, self.np_random)
 
     def set_state(self, state: dict[str, Any]) -> None:
         """Go on from a state that ``get_state`` returned, or one with a "position" of your own (other keys optional).
@@ -212,7 +221,7 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
             "shot_time": time,
             "bounces": bounces,
             "course": self.task.course.name,
-            **({} if self.task.level is None else {"level": self.task.level}),
+            **number_of(self._tasks, self.task),
         }
 
     def _stage(self) -> Stage:

@@ -37,7 +37,8 @@ class MiniGolfVectorEnv(Attributes):
 
     Spaces, rewards and infos are MiniGolfEnv's with a leading axis (N,). Environment i gives the same bits as a single
     environment seeded with seed + i, whatever N and the number of threads. Every array returned is new. With
-    course="procedural" each environment plays a level of its own, all by the same compiled kernels.
+    course="procedural" each environment plays a level of its own, all by the same compiled kernels, with course="round"
+    a round of its own.
 
     Args:
         num_envs: N >= 1.
@@ -97,16 +98,18 @@ class MiniGolfVectorEnv(Attributes):
     ) -> tuple[Observations, dict[str, Any]]:
         """Start new episodes in all environments, or in those of ``options["reset_mask"]`` (N,), bool.
 
-        ``options["level"]`` is the number of the level that all play, or N numbers.
+        ``options["level"]`` is the number of the level that all play, or N numbers; of a round, ``options["hole"]``.
         """
         given = dict(options or {})
         rows = check_mask(given.pop("reset_mask", None), self.num_envs)
-        holes = self._chosen(given.pop("level", None), rows)
+        key = self._tasks.key
+        holes = self._chosen(given.pop(key, None), rows)
         if given:
-            raise ValueError(f"options: expected only 'level' and 'reset_mask', received {sorted(given)} as well.")
+            raise ValueError(f"options: expected only '{key}' and 'reset_mask', received {sorted(given)} as well.")
         if len(self._rngs) == 0 and len(rows) < self.num_envs:
             raise ResetNeeded("Reset all environments before some of them.")
-        self._seed(seed, rows)
+        for i in self._seed(seed, rows):
+            holes[i] = holes.get(i) or self._tasks.draw(self._rngs[i], None)
         self._begin(rows, holes)
         return self._observe(ALL), self._info(self._no_strokes())
 
@@ -173,7 +176,7 @@ class MiniGolfVectorEnv(Attributes):
         self._require_balls()
         strokes, over = self._strokes.tolist(), self._over.tolist()
         episodes = zip(self._holes, self._positions, strokes, over, self._rngs, strict=True)
-        return [state_of(*episode) for episode in episodes]
+        return [state_of(self._tasks, *episode) for episode in episodes]
 
     def set_state(self, states: Sequence[dict[str, Any]]) -> None:
         """Go on from N states of single environments, or of a batch; what MiniGolfEnv.set_state takes is taken here.
@@ -217,24 +220,25 @@ class MiniGolfVectorEnv(Attributes):
         ends = {"final_obs": final_obs, "final_info": final_info}
         return observations, begun | ends | {f"_{key}": ended.copy() for key in ends}
 
-    def _seed(self, seed: int | Sequence[int | None] | None, rows: Rows) -> None:
-        """Seed the generators of some environments, or all if there are none yet."""
+    def _seed(self, seed: int | Sequence[int | None] | None, rows: Rows) -> list[int]:
+        """Seed the generators of some environments, or all if there are none yet; return which were."""
         if seed is None or isinstance(seed, (int, np.integer)):
             seeds = [None if seed is None else int(seed) + i for i in range(self.num_envs)]
         else:
             seeds = one_each(seed, self.num_envs, "seed")
         fresh = len(self._rngs) == 0
         rngs = np.full(self.num_envs, None, dtype=object) if fresh else self._rngs.copy()
-        for i in rows.tolist():
-            if fresh or seeds[i] is not None:
-                rngs[i], _ = gym.utils.seeding.np_random(seeds[i])
+        seeded = [i for i in rows.tolist() if fresh or seeds[i] is not None]
+        for i in seeded:
+            rngs[i], _ = gym.utils.seeding.np_random(seeds[i])
         self._rngs = rngs
+        return seeded
 
     def _chosen(self, level: Any, rows: Rows) -> dict[int, Task]:
         """Return the holes of chosen levels, by environment; none where no level is."""
         if level is None:
             return {}
-        levels = [level] * self.num_envs if np.ndim(level) == 0 else one_each(level, self.num_envs, "level")
+        levels = [level] * self.num_envs if np.ndim(level) == 0 else one_each(level, self.num_envs, self._tasks.key)
         return {i: self._tasks.level(levels[i]) for i in rows.tolist()}
 
     def _begin(self, rows: Rows, holes: dict[int, Task], keep_last: bool = False) -> None:
@@ -243,8 +247,9 @@ class MiniGolfVectorEnv(Attributes):
             return
         rngs = self._rngs[rows]
         if self._tasks.has_levels:
-            draw = self._tasks.draw
-            self._enter(rows, [holes.get(i) or draw(rng) for i, rng in zip(rows.tolist(), rngs, strict=True)])
+            draw, last = self._tasks.draw, self._holes
+            chosen = (holes.get(i) or draw(rng, last[i]) for i, rng in zip(rows.tolist(), rngs, strict=True))
+            self._enter(rows, list(chosen))
         self._positions[rows] = self._game_of(rows).tee_off(rngs)
         self._strokes[rows], self._over[rows] = 0, False
         self._put(rows, keep_last)
@@ -291,5 +296,5 @@ class MiniGolfVectorEnv(Attributes):
             "course": self._courses.copy(),
         }
         if self._tasks.has_levels:
-            info["level"] = np.array([hole.level for hole in self._holes], dtype=np.int64)
+            info[self._tasks.key] = np.array([hole.level for hole in self._holes], dtype=np.int64)
         return info | {f"_{key}": np.ones(self.num_envs, np.bool_) for key in info}

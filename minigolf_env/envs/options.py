@@ -10,10 +10,10 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import ArrayLike, NDArray
 
-from minigolf_env.courses import Course, load_course
+from minigolf_env.courses import NINE, ROUND, Course, load_course
 from minigolf_env.courses.procedural import DIFFICULTIES, LEVELS_KEPT, PROCEDURAL, level_name
 from minigolf_env.envs.holes import Holes
-from minigolf_env.envs.levels import Levels, OneHole, Tasks
+from minigolf_env.envs.levels import Levels, OneHole, Round, Tasks
 from minigolf_env.envs.observations import OBSERVERS, Observer
 from minigolf_env.envs.task import REWARDS, FloatArray, Task
 from minigolf_env.physics import World
@@ -88,7 +88,7 @@ def make_tasks(
             raise ValueError(
                 f"{', '.join(given)}: expected with course={PROCEDURAL!r} only, received {given} with {course!r:.80}."
             )
-        return OneHole(make_task(course, **rules))
+        return _make_round(rules) if course == ROUND else OneHole(make_task(course, **rules))
     known = one_of(given.get("difficulty", DIFFICULTIES[0]), DIFFICULTIES, "difficulty")
     levels = Levels(
         functools.partial(_make_level, known, rules), given.get("start_level", 0), given.get("num_levels", 500)
@@ -134,6 +134,22 @@ def make_task(
         putt_noise=check_noise(putt_noise),
         level=level,
     )
+
+
+def _make_round(rules: dict[str, Any]) -> Round:
+    """Return the round; what is wrong with the rules is said here, not at a later hole."""
+    nine = Round(functools.partial(_make_hole, rules), len(NINE))
+    for number in range(1, 1 + (1 if rules.get("cup_radius") is None else nine.number)):
+        nine.level(number)
+    return nine
+
+
+def _make_hole(rules: dict[str, Any], number: int) -> Task:
+    return make_task(NINE[number - 1], level=number, **rules)
+
+
+def _make_level(difficulty: str, rules: dict[str, Any], level: int) -> Task:
+    return make_task(level_name(difficulty, level), level=level, **rules)
 
 
 def check_actions(actions: ArrayLike, shape: tuple[int | None, ...]) -> FloatArray:
@@ -192,10 +208,6 @@ def check_noise(value: tuple[float, float]) -> tuple[float, float]:
     if degrees < 0.0 or share < 0.0:
         raise ValueError(f"putt_noise: expected numbers >= 0, received {value!r}; {NOISE}")
     return degrees, share
-
-
-def _make_level(difficulty: str, rules: dict[str, Any], level: int) -> Task:
-    return make_task(level_name(difficulty, level), level=level, **rules)
 
 
 @functools.lru_cache(maxsize=LEVELS_KEPT)

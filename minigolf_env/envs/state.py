@@ -27,29 +27,36 @@ class Episode(NamedTuple):
     """The state of its random numbers; None: they go on as they are."""
 
 
-def state_of(task: Task, position: FloatArray, strokes: int, over: bool, rng: np.random.Generator) -> dict[str, Any]:
+def number_of(tasks: Tasks, task: Task) -> dict[str, int]:
+    """Return the number of a level, or of a round's hole, by its key; nothing on a hole without."""
+    return {} if task.level is None else {tasks.key: task.level}
+
+
+def state_of(
+    tasks: Tasks, task: Task, position: FloatArray, strokes: int, over: bool, rng: np.random.Generator
+) -> dict[str, Any]:
     """Return the state of an episode, all that it takes to go on from there: plain values, a copy."""
     return {
         "position": tuple(position.tolist()),
         "strokes": strokes,
         "over": over,
-        **({} if task.level is None else {"level": task.level}),
+        **number_of(tasks, task),
         "np_random": rng.bit_generator.state,
     }
 
 
 def read_state(state: Any, tasks: Tasks, task: Task) -> Episode:
-    """Return the episode of a state; without a "level" it is played on ``task``. See ``check_lies``.
+    """Return the episode of a state; without a "level" or "hole" it is played on ``task``. See ``check_lies``.
 
     Raises:
         ValueError: a value is not what it should be.
     """
-    known = {"position", "strokes", "over", "np_random", "level"}
+    known = {"position", "strokes", "over", "np_random", tasks.key}
     if not isinstance(state, dict) or "position" not in state or not known.issuperset(state):
         received = sorted(map(str, state)) if isinstance(state, dict) else f"{state!r:.80}"
         raise ValueError(f"state: expected 'position' and what get_state() returns, received {received}.")
     over = bool(state.get("over", False))
-    task = tasks.level(state["level"]) if "level" in state else task
+    task = tasks.level(state[tasks.key]) if tasks.key in state else task
     position, strokes = finite_array(state["position"], (3,), "position", LIE), state.get("strokes", 0)
     if not (isinstance(strokes, (int, np.integer)) and 0 <= strokes <= task.max_strokes):
         raise ValueError(f"strokes: expected an integer from 0 to {task.max_strokes}, received {strokes!r}.")

@@ -229,7 +229,7 @@ class Task(Game):
     """One course with its rules.
 
     Args:
-        level: the number of a procedural course; None: it has none.
+        level: the number of a procedural course, or of a hole of a round; None: it has none.
     """
 
     world: World

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from minigolf_env.courses import Course, list_courses, par_of
+from minigolf_env.courses import NINE, ROUND, Course, list_courses, par_of
 from minigolf_env.envs import MiniGolfEnv
 from minigolf_env.physics import World
 from minigolf_env.planning import search
@@ -51,7 +51,7 @@ class Game:
     """A round over the bundled holes, alone or against a policy that plays each hole after you.
 
     Args:
-        hole: the first.
+        hole: the first; "round": of a round of nine.
         best: the best scores so far.
         opponent: a policy that plays too; None: nobody does.
         rival: what it is called on the card.
@@ -64,7 +64,8 @@ class Game:
     """Of strokes above the horizon at first, degrees: putts roll."""
 
     def __init__(self, hole: str, best: BestScores, opponent: Policy | None = None, rival: str = "opponent") -> None:
-        holes = list_courses()
+        holes = list(NINE) if hole == ROUND else list_courses()
+        hole = holes[0] if hole == ROUND else hole
         self.holes = holes if hole in holes else [hole]
         self.best = best
         self.rival = rival

@@ -9,7 +9,7 @@ from typing import Any
 
 from platformdirs import user_data_path
 
-from minigolf_env.courses import load_course
+from minigolf_env.courses import NINE, ROUND, load_course
 from minigolf_env.physics.checks import one_of
 from minigolf_env.play.game import Game
 from minigolf_env.play.scores import BestScores
@@ -32,7 +32,7 @@ def run(
     """Play until the window is closed.
 
     Args:
-        course: a hole, or "room" to throw a ball in three dimensions.
+        course: a hole, "round" for the nine of a round, or "room" to throw a ball in three dimensions.
         opponent: plays each hole after you: "search", "random", "ppo" or a model's file.
         size: of the window, pixels.
         profile: "high", "fast" or "auto".
@@ -47,7 +47,7 @@ def run(
         least = "{} {}".format(*SMALLEST)
         raise ValueError(f"size: expected width and height of at least {least}, received {size}; give more pixels.")
     settings = Settings("human", size, profile=one_of(profile, PROFILES, "profile"))
-    golf = load_course(course)
+    golf = load_course(NINE[0] if course == ROUND else course)
     if opponent is not None and golf.cup is None:
         raise ValueError(f"opponent: expected none on {golf.name!r}, which has no hole to play, received {opponent!r}.")
     policy = None if opponent is None else load_policy(opponent)

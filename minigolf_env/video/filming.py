@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from tqdm import tqdm
 
-from minigolf_env.envs import MiniGolfEnv
+from minigolf_env.envs import MiniGolfEnv, in_turn
 from minigolf_env.physics.checks import one_of
 from minigolf_env.policies import Policy, load_policy
 from minigolf_env.rendering import PROFILES, check_size, picture_count
@@ -31,9 +31,9 @@ def film(
 
     Args:
         output: the file, .mp4 or .gif.
-        course: the hole, a name of ``minigolf_env.courses.list_courses()``.
+        course: as for MiniGolfEnv; of "round", the episodes are the holes in turn.
         policy: as for ``policies.load_policy``.
-        episodes: how often the hole is played, at least 1.
+        episodes: how many are played, at least 1.
         seed: of the first episode and the random policy; the next episode's is one more.
         camera: a name of ``rendering.CAMERAS``.
         size: width and height, pixels.
@@ -58,7 +58,7 @@ def film(
     # Each episode has its own environment, which remembers its putts: what is to be drawn is known before it is drawn.
     stages = [MiniGolfEnv(course, "rgb_array_list", **look) for _ in range(episodes)]
     playing = tqdm(stages, "Playing", leave=False, disable=None)
-    shows = [_play(env, player, seed + k, fps) for k, env in enumerate(playing)]
+    shows = [_play(env, player, seed + k, in_turn(course, k), fps) for k, env in enumerate(playing)]
     with Writer(path, size, fps) as writer:
         _draw(stages, writer, sum(show.pictures for show in shows))
     print(
@@ -78,8 +78,8 @@ class _Show(NamedTuple):
         return f"{self.strokes}" if self.holed else f"{self.strokes} (not holed)"
 
 
-def _play(env: MiniGolfEnv, player: Policy, seed: int, fps: int) -> _Show:
-    observation, info = env.reset(seed=seed)
+def _play(env: MiniGolfEnv, player: Policy, seed: int, options: dict[str, int], fps: int) -> _Show:
+    observation, info = env.reset(seed=seed, options=options)
     over, pictures = False, 1
     while not over:
         observation, _, over, _, info = env.step(player.act(observation, env))

@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import trimesh
 
 from minigolf_env.courses import Course, CourseError, list_courses, load_course
 from minigolf_env.courses.builder import Hole
@@ -155,33 +154,6 @@ def test_the_schema_for_editors_is_up_to_date() -> None:
     assert json.loads(schema())["title"] == "CourseFile"
 
 
-MESH = 'name = "m"\ntee = {{ at = [0, 0] }}\n[[parts]]\nkind = "mesh"\nfile = "{}"\n'
-
-
-@pytest.mark.parametrize("ending", ["obj", "stl", "ply", "glb"])
-def test_meshes_come_from_files_beside_the_course(ending: str, tmp_path: Path) -> None:
-    """Every format, with scale, turn and place."""
-    trimesh.creation.box((2, 2, 0.2)).export(tmp_path / f"slab.{ending}")
-    (tmp_path / "m.toml").write_text(MESH.format(f"slab.{ending}") + "scale = 0.5\nturn = 90\nat = [0, 0, -0.05]\n")
-    vertices = load_course(tmp_path / "m.toml").parts[0].mesh.vertices
-    sides = np.ptp(vertices, axis=0)
-    assert np.allclose(np.sort(sides), [0.1, 1.0, 1.0], atol=1e-6)
-
-
-@pytest.mark.parametrize(
-    "name", ["../slab.obj", "/etc/passwd", "C:/slab.obj", "a/../../slab.obj", "link.obj", "x.py", "no.obj"]
-)
-def test_mesh_files_stay_in_the_folder(name: str, tmp_path: Path) -> None:
-    """No way out of it, by dots, roots, drives or links; no other kind of file."""
-    (tmp_path / "slab.obj").write_text("v 0 0 0\n")
-    inner = tmp_path / "inner"
-    inner.mkdir()
-    (inner / "link.obj").symlink_to(tmp_path / "slab.obj")
-    (inner / "m.toml").write_text(MESH.format(name))
-    with pytest.raises(CourseError, match="file: expected"):
-        load_course(inner / "m.toml")
-
-
 def test_broken_and_huge_files_are_refused_promptly(tmp_path: Path) -> None:
     """Within bounds that the caller can raise."""
     cases = {
@@ -206,7 +178,7 @@ def test_broken_and_huge_files_are_refused_promptly(tmp_path: Path) -> None:
                 "ply\nformat binary_little_endian 1.0\nelement vertex 2000000000\nproperty float x\nend_header\n"
             )
             path = tmp_path / "ply.toml"
-            path.write_text(MESH.format(name))
+            path.write_text(f'name = "m"\ntee = {{ at = [0, 0] }}\n[[parts]]\nkind = "mesh"\nfile = "{name}"\n')
         with pytest.raises(CourseError):
             load_course(path)
     _, peak = tracemalloc.get_traced_memory()

@@ -158,6 +158,28 @@ def packed(data: dict[str, Any], rest: bytes) -> bytes:
     return struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body
 
 
+def test_arrays_used_again_and_again_are_counted_each_time(tmp_path: Path) -> None:
+    """A small file could ask for terabytes; and its JSON is bounded as all text."""
+    content = write_scene([solid("a", (1, 1, 1), (0, 0, 0))], {})
+    size = struct.unpack_from("<I", content, 12)[0]
+    data = json.loads(content[20 : 20 + size])
+    data["accessors"][0]["count"] = corners = 10_000
+    data["bufferViews"].append({"buffer": 0, "byteOffset": 0, "byteLength": 12 * corners})
+    data["accessors"][0]["bufferView"] = len(data["bufferViews"]) - 1
+    data["meshes"][0]["primitives"] *= 10_000
+    path = tmp_path / "again.glb"
+    binary = content[20 + size + 8 :].ljust(12 * corners, b"\0")
+    path.write_bytes(packed(data, struct.pack("<I4s", len(binary), b"BIN\0") + binary))
+    tracemalloc.start()
+    with pytest.raises(CourseError, match="expected at most 20000 triangles"):
+        load_course(path, limits=Limits(triangles=20_000))
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 30e6
+    with pytest.raises(CourseError, match="JSON in it: expected at most 100 bytes"):
+        load_course(path, limits=Limits(text_bytes=100))
+
+
 def test_mutated_files_are_read_or_refused(tmp_path: Path) -> None:
     """Bytes changed, numbers blown up: a CourseError, and nothing allocated on a file's word."""
     rng = random.Random(0)  # noqa: S311 (not for secrets)

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from agents import train_rllib
+from agents import runs, train_rllib
 from agents.cluster import connect
 from minigolf_env.evaluation import evaluate
 from minigolf_env.policies import PredictPolicy
@@ -121,7 +121,7 @@ def test_scores_improve_and_a_killed_worker_is_replaced(
     assert second in after and first not in after and len(after) == 2, "one of them replaced"
     assert args.log_std[1] < min(noises[0]) == max(noises[0]) < args.log_std[0]
     assert np.allclose(noises[-1], args.log_std[1]) and len(noises[-1]) == 6
-    assert json.loads((args.out / "progress.json").read_text())["putts"] >= args.putts
+    assert json.loads((args.out / "progress.json").read_text())[-1]["putts"] >= args.putts
 
 
 def test_an_interrupted_run_goes_on(args: train_rllib.Args, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -208,3 +208,11 @@ def test_without_ray_a_line_says_what_to_install(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setitem(sys.modules, "ray", None)
     with pytest.raises(SystemExit, match="pip install"):
         connect()
+
+
+def test_a_timeout_of_rays_is_not_taken_for_a_full_disk(tmp_path: Path) -> None:
+    """To Python it is an OSError, too."""
+    with pytest.raises(TimeoutError), runs.stoppable(tmp_path, lambda: None):
+        raise TimeoutError("Get timed out: some object(s) not ready.")
+    with pytest.raises(SystemExit, match="Could not save"), runs.stoppable(tmp_path, lambda: None):
+        raise OSError(28, "No space left on device")

@@ -21,7 +21,7 @@ def make(**options: Any) -> MiniGolfEnv:
 def numbers(levels: Levels, many: int = 2000) -> set[int]:
     """Return levels drawn from a set whose holes are their numbers."""
     rng = np.random.default_rng(0)
-    return {levels.draw(rng) for _ in range(many)}  # type: ignore[misc]
+    return {levels.draw(rng, None) for _ in range(many)}  # type: ignore[misc]
 
 
 def test_training_and_test_levels_are_disjoint() -> None:

@@ -131,6 +131,22 @@ def test_a_ball_is_refused_exactly_where_its_clearance_says_so() -> None:
                 world.simulate_batch(starts, np.zeros((count, 3)), max_time=0.01)
 
 
+def test_batches_leave_the_process_openmp_alone() -> None:
+    """Numba's own threads stay away: started, they would overrule torch.set_num_threads(1) for all of torch."""
+    code = """
+import numba, numpy as np
+from minigolf_env.courses import load_course
+world = load_course("room").world()
+world.simulate_batch(np.tile([0.0, 0.0, 0.5], (200, 1)), np.ones((200, 3)))
+try:
+    print(numba.threading_layer())
+except ValueError:
+    print("none")
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "none\n"
+
+
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
 def test_a_forked_child_starts_threads_of_its_own() -> None:
     """The threads that are kept do not survive a fork; the child gets the same bits all the same."""

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from minigolf_env.courses import load_course
+from minigolf_env.courses import NINE, list_courses, load_course
 from minigolf_env.network import Layer, Network
 from minigolf_env.play.aim import Aim
 from minigolf_env.play.game import YOU, Game
@@ -79,6 +79,15 @@ def test_the_next_hole_begins_anew(tmp_path: Path) -> None:
     assert game.hole == "dogleg"
     assert np.array_equal(game.ball, start)
     assert not game.practice and not game.undo()
+
+
+def test_a_round_has_nine_holes(tmp_path: Path) -> None:
+    """From the first; a game that starts at one hole goes through all there are."""
+    game = Game("round", BestScores(tmp_path / "scores.json"))
+    assert (game.hole, game.holes, len(game.card.pars)) == ("straight", list(NINE), 9)
+    for _ in range(9):
+        game.next_hole()
+    assert game.hole == "straight" and new_game(tmp_path).holes == list_courses()
 
 
 def test_strokes_run_out(tmp_path: Path) -> None:

@@ -18,8 +18,9 @@ __all__ = ["DIFFICULTIES", "GENERATOR", "LEVELS_KEPT", "PROCEDURAL", "is_level_n
 PROCEDURAL = "procedural"
 """The course whose levels are drawn."""
 
-LEVELS_KEPT = 512
-"""Levels, and worlds of them, that a process keeps: a usual training set of 500. Each takes up about half a MB."""
+LEVELS_KEPT = 1024
+"""Levels, and worlds of them, that a process keeps: a usual training set of 500, and as many to check on. Each takes up
+about half a MB."""
 
 NAME = re.compile(r"procedural-v(\d{1,9})-([^-]*)-(\d{1,18})", re.ASCII)
 
