@@ -3,24 +3,30 @@
 
 PYTHON ?= python3
 VENV ?= .venv
+# Ray pins another gymnasium, so what needs it has an environment of its own.
+VENV_DISTRIBUTED ?= .venv-distributed
 # Test processes; 0 runs the tests in one (for a debugger: make test WORKERS=0 ARGS="--pdb").
 WORKERS ?= 2
 ARGS ?=
 
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
+INSTALLED_DISTRIBUTED := $(VENV_DISTRIBUTED)/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help train test soak mutants bench lint check format clean
+.PHONY: help train test test-distributed soak mutants bench lint check format clean
 
 help: ## list the commands
-	@awk -F ':.*## ' '/^[a-z]+:.*## /{printf "make %-8s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "make %-16s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
 train: $(INSTALLED) ## train the PPO sample agent
 	$(BIN)/python -m agents.train_ppo $(ARGS)
 
 test: $(INSTALLED) ## run the tests
 	$(BIN)/python -m pytest -n $(WORKERS) $(ARGS)
+
+test-distributed: $(INSTALLED_DISTRIBUTED) ## run the tests of Ray on two nodes on this machine (minutes)
+	$(VENV_DISTRIBUTED)/bin/python -m pytest tests/distributed $(ARGS)
 
 bench: $(INSTALLED) ## measure speed, exactness and pictures beside other engines
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --requirement benchmarks/requirements.txt
@@ -47,11 +53,16 @@ format: $(INSTALLED) ## mend style and formatting
 	$(BIN)/ruff format
 
 clean: ## remove the environment, caches and build products
-	rm -rf $(VENV) build dist *.egg-info .*_cache .hypothesis
+	rm -rf $(VENV) $(VENV_DISTRIBUTED) build dist *.egg-info .*_cache .hypothesis
 	find minigolf_env agents tests -name __pycache__ -prune -exec rm -rf {} +
 
 # The stamp makes a second run install nothing; a changed requirement or pin installs again.
 $(INSTALLED): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --constraint constraints.txt --editable ".[agents,dev]"
+	touch $@
+
+$(INSTALLED_DISTRIBUTED): pyproject.toml constraints-distributed.txt
+	$(PYTHON) -m venv $(VENV_DISTRIBUTED)
+	$(VENV_DISTRIBUTED)/bin/python -m pip install --constraint constraints-distributed.txt --editable ".[agents,dev,distributed]"
 	touch $@

@@ -7,12 +7,13 @@ written whole or not at all, so that a run killed at any moment goes on from its
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import itertools
 import json
 import os
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
@@ -95,13 +96,26 @@ def run(args: Args, build: Build[Args], callbacks: Callable[[Args], Sequence[Bas
         SystemExit: with a line that says what is wrong, or how to go on after Ctrl-C or a full disk.
     """
     began = time.monotonic()
+    args, folder = begin(args)
+    return end(args, train(args, build, callbacks(args), folder), folder, began)
+
+
+def begin(args: Args) -> tuple[Args, Path]:
+    """Return a run's arguments and its folder: a new one, or with ``resume`` those of the run to go on with.
+
+    Raises:
+        SystemExit: with a line that says what is wrong.
+    """
     if args.resume is not None:
-        folder, args = args.resume, read_args(type(args), args.resume)
-    else:
-        folder = new_folder(args)
-        stored = {**dataclasses.asdict(args), "out": None, "resume": None}
-        write(folder / "args.json", json.dumps(stored, indent=2).encode())
-    learner = train(args, build, callbacks(args), folder)
+        return read_args(type(args), args.resume), args.resume
+    folder = new_folder(args)
+    stored = {**dataclasses.asdict(args), "out": None, "resume": None}
+    write(folder / "args.json", json.dumps(stored, indent=2).encode())
+    return args, folder
+
+
+def end(args: Run, learner: type[BaseAlgorithm], folder: Path, began: float) -> list[evaluation.Score]:
+    """Make and print the table of a run that began at a time of the monotonic clock; say what to do with the model."""
     scores = final_table(args, learner, folder)
     evaluation.print_scores(scores)
     CONSOLE.print(f"{time.monotonic() - began:.0f} s in all. Log: tensorboard --logdir {folder}", soft_wrap=True)
@@ -123,19 +137,15 @@ def train(args: Args, build: Build[Args], callbacks: Sequence[BaseCallback], fol
         model = type(model).load(folder / "checkpoint.zip", env=envs, device=model.device)
     checkpoints = Checkpoints(args, folder)
     try:
-        # The numbers of putts add up over resumed runs, and so does the schedules' way down.
-        model.learn(
-            max(0, args.putts - model.num_timesteps),
-            callback=[*callbacks, checkpoints, ProgressBarCallback()],
-            reset_num_timesteps=not resume,
-            tb_log_name="log",
-        )
-        checkpoints.check()
-    except KeyboardInterrupt:
-        checkpoints.save("checkpoint.zip")
-        raise SystemExit(f"Interrupted and saved. {_go_on(folder)}") from None
-    except OSError as error:
-        raise SystemExit(f"Could not save: {error}. The last checkpoint is whole. {_go_on(folder)}") from error
+        with stoppable(folder, lambda: checkpoints.save("checkpoint.zip")):
+            # The numbers of putts add up over resumed runs, and so does the schedules' way down.
+            model.learn(
+                max(0, args.putts - model.num_timesteps),
+                callback=[*callbacks, checkpoints, ProgressBarCallback()],
+                reset_num_timesteps=not resume,
+                tb_log_name="log",
+            )
+            checkpoints.check()
     finally:
         envs.close()
     return type(model)
@@ -155,6 +165,20 @@ def make_envs(args: Run) -> VecMonitor:
         )
     )
     return VecMonitor(FacingVecEnv(envs) if args.facing else envs)
+
+
+@contextlib.contextmanager
+def stoppable(folder: Path, save: Callable[[], None]) -> Iterator[None]:
+    """While it lasts, Ctrl-C saves, and it and a full disk end the program with a line that says how to go on."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        save()
+        raise SystemExit(f"Interrupted and saved. {_go_on(folder)}") from None
+    except TimeoutError:  # An OSError, too, but Ray's: it says nothing of the disk.
+        raise
+    except OSError as error:
+        raise SystemExit(f"Could not save: {error}. The last checkpoint is whole. {_go_on(folder)}") from error
 
 
 class Checkpoints(BaseCallback):
@@ -208,7 +232,7 @@ class Checkpoints(BaseCallback):
         """Save the model under a name in the run's folder."""
         beside = self.folder / f".{name}"
         self.model.save(beside)
-        _publish(beside, self.folder / name)
+        publish(beside, self.folder / name)
 
 
 def final_table(args: Run, learner: type[BaseAlgorithm], folder: Path) -> list[evaluation.Score]:
@@ -265,13 +289,15 @@ def write(path: Path, content: bytes) -> None:
     """Write a file so that it is never half there."""
     beside = path.with_name(f".{path.name}")
     beside.write_bytes(content)
-    _publish(beside, path)
+    publish(beside, path)
 
 
-def _publish(beside: Path, path: Path) -> None:
-    """Put a file that is wholly on the disk into its place."""
-    with beside.open("rb") as file:
-        os.fsync(file.fileno())
+def publish(beside: Path, path: Path) -> None:
+    """Put a file, or a new folder of files, into its place once it is wholly on the disk."""
+    for part in beside.rglob("*") if beside.is_dir() else [beside]:
+        if part.is_file():
+            with part.open("rb") as file:
+                os.fsync(file.fileno())
     beside.replace(path)
 
 

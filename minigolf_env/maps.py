@@ -56,6 +56,7 @@ def simulate(
     directions: int = DIRECTIONS,
     speeds: int = SPEEDS,
     progress: bool = False,
+    among: range | None = None,
 ) -> Putts:
     """Return what becomes of putts in every direction, at every speed.
 
@@ -65,6 +66,7 @@ def simulate(
         directions: how many.
         speeds: how many, up to the course's top speed.
         progress: whether a bar shows how far it is.
+        among: which of the directions are played, by number; None: all. A map is the same bits, whole or in parts.
 
     Raises:
         ValueError: no such course, the ball cannot lie there, or directions or speeds below 1.
@@ -75,7 +77,7 @@ def simulate(
     task = make_task(golf)
     x, y = golf.tee.centre if tee is None else tee
     start = check_lie(task, (x, y, golf.tee.height + golf.ball_radius))
-    degrees: NDArray[np.float64] = np.arange(float(directions)) * (360.0 / directions)
+    degrees: NDArray[np.float64] = np.array(range(directions) if among is None else among) * (360.0 / directions)
     shares: NDArray[np.float64] = np.arange(1.0, speeds + 1.0) / speeds
     turn, share = (grid.ravel() for grid in np.meshgrid(np.radians(degrees), shares, indexing="ij"))
     velocities = task.launch(np.c_[share * np.cos(turn), share * np.sin(turn)])
@@ -86,7 +88,7 @@ def simulate(
             done.append(task.play(np.tile(start, (len(some), 1)), some))
             bar.update(len(some))
     whole = (
-        np.concatenate(field).reshape(directions, speeds, *field[0].shape[1:]) for field in zip(*done, strict=True)
+        np.concatenate(field).reshape(len(degrees), speeds, *field[0].shape[1:]) for field in zip(*done, strict=True)
     )
     return Putts(start, degrees, shares * task.top_speed, Outcome(*whole))
 

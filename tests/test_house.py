@@ -14,25 +14,35 @@ import minigolf_env
 
 ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-GROUPS = [PROJECT["dependencies"], *PROJECT["optional-dependencies"].values()]
-REQUIREMENTS = [Requirement(line) for group in GROUPS for line in group]
+EXTRAS = PROJECT["optional-dependencies"]
+PINS = {
+    "constraints.txt": (PROJECT["dependencies"], EXTRAS["agents"], EXTRAS["dev"]),
+    "constraints-distributed.txt": (PROJECT["dependencies"], *EXTRAS.values()),
+}
+REQUIREMENTS = [(file, Requirement(line)) for file, groups in PINS.items() for group in groups for line in group]
 
 LAZY = ("OpenGL", "matplotlib", "pydantic", "pyglet", "shapely", "stable_baselines3", "torch", "trimesh")
 
 
-def read_pins() -> dict[str, str]:
-    """Return the version that constraints.txt pins for each package, by canonical name."""
-    lines = (ROOT / "constraints.txt").read_text().splitlines()
+def read_pins(file: str) -> dict[str, str]:
+    """Return the version that a file pins for each package, by canonical name."""
+    lines = (ROOT / file).read_text().splitlines()
     pins = [line.split("==") for line in lines if line and not line.startswith("#")]
     return {canonicalize_name(name): version for name, version in pins}
 
 
-@pytest.mark.parametrize("requirement", REQUIREMENTS, ids=str)
-def test_every_requirement_is_pinned_to_a_version_it_allows(requirement: Requirement) -> None:
-    """constraints.txt has a pin for each dependency, inside the bounds of pyproject.toml."""
-    pin = read_pins().get(canonicalize_name(requirement.name))
-    assert pin is not None, f"{requirement.name} has no pin: refresh constraints.txt as its first lines say"
-    assert requirement.specifier.contains(pin), f"constraints.txt pins {pin}, pyproject.toml asks for {requirement}"
+@pytest.mark.parametrize(("file", "requirement"), REQUIREMENTS, ids=str)
+def test_every_requirement_is_pinned_to_a_version_it_allows(file: str, requirement: Requirement) -> None:
+    """The file has a pin for each dependency, inside the bounds of pyproject.toml."""
+    pin = read_pins(file).get(canonicalize_name(requirement.name))
+    assert pin is not None, f"{requirement.name} has no pin: refresh {file} as its first lines say"
+    assert requirement.specifier.contains(pin), f"{file} pins {pin}, pyproject.toml asks for {requirement}"
+
+
+def test_with_ray_only_gymnasium_is_another() -> None:
+    """The two tested sets pin the same versions of everything else."""
+    with_ray, without = read_pins("constraints-distributed.txt"), read_pins("constraints.txt")
+    assert {name for name, pin in without.items() if with_ray[name] != pin} == {"gymnasium"}
 
 
 def test_import_rules_hold() -> None:

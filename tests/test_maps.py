@@ -23,6 +23,14 @@ def test_the_putts_of_a_map_are_those_of_the_environment() -> None:
     assert np.allclose(played.position[0], putts.outcome.position[7, 3], rtol=0.0, atol=1e-9)
 
 
+def test_a_map_in_parts_is_the_same_map() -> None:
+    """To the last bit: some directions alone, and among all."""
+    whole, part = simulate("bank", directions=7, speeds=3), simulate("bank", directions=7, speeds=3, among=range(2, 5))
+    assert part.directions.tobytes() == whole.directions[2:5].tobytes()
+    for some, every in zip(part.outcome, whole.outcome, strict=True):
+        assert some.tobytes() == every[2:5].tobytes()
+
+
 def test_a_map_is_drawn_on_axes_and_written(tmp_path: Path) -> None:
     """From Python and as a picture."""
     from matplotlib.figure import Figure
