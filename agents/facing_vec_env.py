@@ -7,6 +7,7 @@ from gymnasium.spaces import Box
 from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs, VecEnvStepReturn
 
+from minigolf_env.envs.rays import ray_space
 from minigolf_env.facing import VIEW, face_cup, turn
 
 
@@ -15,9 +16,17 @@ class FacingVecEnv(VecEnvWrapper):
 
     Args:
         venv: the environments.
+
+    Raises:
+        ValueError: they show something else.
     """
 
     def __init__(self, venv: VecEnv) -> None:
+        if venv.observation_space.shape != ray_space().shape:
+            raise ValueError(
+                f"facing: expected observation 'rays' {ray_space().shape}, received {venv.observation_space.shape}; "
+                "leave facing out, or observe rays."
+            )
         super().__init__(venv, observation_space=Box(-1.0, 1.0, (VIEW,), np.float32))
         self._ahead = np.zeros((venv.num_envs, 2), np.float32)
 

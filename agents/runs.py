@@ -23,6 +23,7 @@ import torch
 from rich.console import Console
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback, ProgressBarCallback
+from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from stable_baselines3.common.vec_env import VecEnv, VecMonitor
 
 from agents.facing_vec_env import FacingVecEnv
@@ -55,7 +56,7 @@ class Run:
     putts: int = 400_000
     """Putts to learn from."""
     seed: int = 0
-    """The same seed, arguments and machine give the same model, bit for bit."""
+    """The same seed, arguments and machine give the same model, bit for bit, if the run is not interrupted."""
     out: Path | None = None
     """Folder of the run, new; by default the first free one of runs/COURSE-1, -2, ..."""
     resume: Path | None = None
@@ -97,7 +98,9 @@ def run(args: Args, build: Build[Args], callbacks: Callable[[Args], Sequence[Bas
     """
     began = time.monotonic()
     args, folder = begin(args)
-    return end(args, train(args, build, callbacks(args), folder), folder, began)
+    learner = train(args, build, callbacks(args), folder)
+    with stoppable(folder, lambda: None):
+        return end(args, learner, folder, began)
 
 
 def begin(args: Args) -> tuple[Args, Path]:
@@ -108,10 +111,25 @@ def begin(args: Args) -> tuple[Args, Path]:
     """
     if args.resume is not None:
         return read_args(type(args), args.resume), args.resume
+    check(args)
     folder = new_folder(args)
     stored = {**dataclasses.asdict(args), "out": None, "resume": None}
     write(folder / "args.json", json.dumps(stored, indent=2).encode())
     return args, folder
+
+
+def check(args: Run) -> None:
+    """Raise SystemExit with a line that says what is wrong with a run's arguments, before anything is made of them."""
+    if args.final_episodes < 1:
+        raise SystemExit(f"final_episodes: expected at least 1, received {args.final_episodes}.")
+    if args.num_levels is not None and not 0 < args.num_levels <= args.check_seed:
+        raise SystemExit(
+            f"num_levels: expected 1 to {args.check_seed}, received {args.num_levels}; later ones are for scores."
+        )
+    try:
+        make_envs(dataclasses.replace(args, num_envs=1)).close()
+    except ValueError as error:
+        raise SystemExit(str(error)) from error
 
 
 def end(args: Run, learner: type[BaseAlgorithm], folder: Path, began: float) -> list[evaluation.Score]:
@@ -128,14 +146,17 @@ def end(args: Run, learner: type[BaseAlgorithm], folder: Path, began: float) -> 
 def train(args: Args, build: Build[Args], callbacks: Sequence[BaseCallback], folder: Path) -> type[BaseAlgorithm]:
     """Learn until the putts are played, from the folder's checkpoint if it has one; return the algorithm's class."""
     torch.set_num_threads(1)  # The networks are tiny: a second thread mostly waits for the first, at full load.
-    torch.set_flush_denormal(True)  # Adam's moments of weights that no longer matter fade into slow numbers.
     envs = make_envs(args)
     model = build(args, envs)
-    model.tensorboard_log = str(folder)
     resume = (folder / "checkpoint.zip").is_file()
     if resume:
         model = type(model).load(folder / "checkpoint.zip", env=envs, device=model.device)
+        model.set_random_seed(args.seed + model.num_timesteps)  # Not the same tees again.
+        if isinstance(model, OffPolicyAlgorithm):  # Its memory is not saved: first it collects a new one.
+            model.learning_starts += model.num_timesteps
+    model.tensorboard_log = str(folder)
     checkpoints = Checkpoints(args, folder)
+    checkpoints.init_callback(model)
     try:
         with stoppable(folder, lambda: checkpoints.save("checkpoint.zip")):
             # The numbers of putts add up over resumed runs, and so does the schedules' way down.

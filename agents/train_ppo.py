@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import Any, Literal, cast
 
 import torch
 import tyro
@@ -44,7 +44,7 @@ class Args(runs.Run):
     anneal: bool = True
     """Whether the noise narrows by ``log_std``; else PPO learns it, from the first on."""
     hidden: tuple[int, ...] = (64, 64)
-    activation: str = "tanh"
+    activation: Literal["tanh", "relu"] = "tanh"
 
 
 class Annealing(BaseCallback):

@@ -104,3 +104,45 @@ def test_facing_turns_what_stable_baselines3_sees() -> None:
         *_, dones, infos = envs.step(0.0 * ahead)
     assert dones.all() and all(info["terminal_observation"].shape == (VIEW,) for info in infos)
     envs.close()
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"course": "dogleggy"}, "did you mean 'dogleg'"),
+        ({"difficulty": "medium"}, "difficulty"),
+        ({"reward": "none"}, "reward"),
+        ({"facing": True}, "rays"),
+        ({"final_episodes": 0}, "final_episodes"),
+        ({"course": "procedural", "num_levels": 3_000_000}, "num_levels"),
+    ],
+    ids=str,
+)
+def test_wrong_arguments_leave_no_folder(wrong: dict[str, Any], message: str, tmp_path: Path) -> None:
+    """They are told before anything is made."""
+    with pytest.raises(SystemExit, match=message):
+        train_ppo.main(train_ppo.Args(**{**TINY, **wrong}, out=tmp_path / "run"))
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("program", [train_ppo, train_sac])
+def test_a_resumed_run_plays_other_tees(program: Any, tmp_path: Path) -> None:
+    """Not those it began with; and its log stays in its folder, wherever that is now."""
+    seen: list[np.ndarray] = []
+
+    class Watch(train_ppo.Annealing):
+        def _on_training_start(self) -> None:
+            seen.append(np.array(self.model._last_obs))
+
+        def _on_rollout_start(self) -> None: ...
+
+    small = {"n_steps": 4} if program is train_ppo else {"learning_starts": 16, "gradient_steps": 1}
+    args = program.Args(**TINY, **small, batch_size=16, out=tmp_path / "a")
+    for again in (args, dataclasses.replace(args, resume=tmp_path / "b")):
+        runs.run(again, program.build, lambda _: [Watch(0.0, 0.0, 1)])
+        if again is args:
+            stored = json.loads((tmp_path / "a" / "args.json").read_text())
+            (tmp_path / "a" / "args.json").write_text(json.dumps({**stored, "putts": 128}))
+            (tmp_path / "a").rename(tmp_path / "b")
+    assert len(seen) == 2 and not np.array_equal(*seen)
+    assert not (tmp_path / "a").exists() and list((tmp_path / "b").glob("log_*"))
