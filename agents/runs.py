@@ -62,6 +62,8 @@ class Run:
     resume: Path | None = None
     """Go on with the run in this folder, with its arguments; all others on this command line are ignored."""
 
+    start: Path | None = None
+    """A model of the same program to begin with: its weights. To learn a harder game after an easier one."""
     num_envs: int = 2048
     check_every: int = 50_000
     """Putts between two checkpoints, each scored; the best one is kept."""
@@ -114,7 +116,7 @@ def begin(args: Args) -> tuple[Args, Path]:
     check(args)
     folder = new_folder(args)
     stored = {**dataclasses.asdict(args), "out": None, "resume": None}
-    write(folder / "args.json", json.dumps(stored, indent=2).encode())
+    write(folder / "args.json", json.dumps(stored, indent=2, default=str).encode())
     return args, folder
 
 
@@ -126,6 +128,8 @@ def check(args: Run) -> None:
         raise SystemExit(
             f"num_levels: expected 1 to {args.check_seed}, received {args.num_levels}; later ones are for scores."
         )
+    if args.start is not None and not args.start.is_file():
+        raise SystemExit(f"start: expected a model's .zip file, there is none at {args.start}.")
     try:
         make_envs(dataclasses.replace(args, num_envs=1)).close()
     except ValueError as error:
@@ -149,6 +153,8 @@ def train(args: Args, build: Build[Args], callbacks: Sequence[BaseCallback], fol
     envs = make_envs(args)
     model = build(args, envs)
     resume = (folder / "checkpoint.zip").is_file()
+    if args.start is not None and not resume:
+        model.set_parameters(str(args.start))
     if resume:
         model = type(model).load(folder / "checkpoint.zip", env=envs, device=model.device)
         model.set_random_seed(args.seed + model.num_timesteps)  # Not the same tees again.

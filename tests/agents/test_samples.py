@@ -74,6 +74,18 @@ def test_a_seed_gives_the_same_model(tmp_path: Path) -> None:
     assert torch.equal(weights[0], weights[1]) and not torch.equal(weights[0], weights[2])
 
 
+def test_a_run_can_start_from_a_model(tmp_path: Path) -> None:
+    """With a learning rate of zero it ends with the weights it began with, whatever its seed."""
+    args = train_ppo.Args(**TINY, n_steps=4, batch_size=16, anneal=False)
+    train_ppo.main(dataclasses.replace(args, out=tmp_path / "a"))
+    start = tmp_path / "a" / "checkpoint.zip"
+    train_ppo.main(dataclasses.replace(args, out=tmp_path / "b", seed=5, start=start, learning_rate=0.0))
+    before, after = (PPO.load(path / "checkpoint.zip").policy.state_dict() for path in (tmp_path / "a", tmp_path / "b"))
+    assert all(torch.equal(before[name], after[name]) for name in before)
+    with pytest.raises(SystemExit, match="start"):
+        train_ppo.main(dataclasses.replace(args, out=tmp_path / "c", start=tmp_path / "none.zip"))
+
+
 def test_the_noise_narrows_on_its_way(tmp_path: Path) -> None:
     """From the first to the last, by the share of the putts that were played, whatever the updates say."""
     seen: list[tuple[float, float]] = []
