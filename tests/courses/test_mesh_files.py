@@ -90,7 +90,7 @@ def test_mesh_files_take_about_a_hundred_times_their_size_at_most(name: str, tmp
 
 
 def test_groups_and_solids_are_read_as_one() -> None:
-    """Each would cost a pass; with textures, normals, comments in any encoding, lines that go on, whatever ends a line."""
+    """Each would cost a pass; with textures, normals, comments in any encoding, lines that go on; any line ends."""
     box = trimesh.creation.box((2, 2, 0.2))
     lines = ["mtllib ../m.mtl", *(f"v {x} {y} {z} 1 0 0 # caf\u00e9" for x, y, z in box.vertices), "vt 0 0", "vn 0 0 1"]
     for k, face in enumerate(box.faces + 1):
