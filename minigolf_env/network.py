@@ -2,7 +2,8 @@
 
 ``.npz`` is its own format, plain arrays. The ``.zip`` that stable-baselines3's ``model.save`` writes holds pickled code
 beside the weights; of it only the weights are read, by torch's ``weights_only``, and the JSON text that names the
-activation, so that a stranger's model is as harmless as a picture.
+activation, so that a stranger's model is as harmless as a picture. Nor does a small file take much memory: what it says
+it unpacks to is limited before anything is read, and no more than it says is ever unpacked.
 """
 
 from __future__ import annotations
@@ -10,11 +11,16 @@ from __future__ import annotations
 import io
 import itertools
 import json
+import math
 import pickle
+import struct
+import tokenize
 import zipfile
+import zlib
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import IO, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,8 +78,13 @@ class Network:
         """Return putts (N, 2), float32 in [-1, 1], of observations (N, inputs).
 
         Sums are taken input by input, so that a putt has the same bits whatever the N.
+
+        Raises:
+            ValueError: the observations are of another shape.
         """
         x = np.asarray(observations, dtype=np.float32)
+        if x.ndim != 2 or x.shape[1] != self.inputs:
+            raise ValueError(f"observations: expected shape (N, {self.inputs}), received {x.shape}.")
         for i, (weights, bias) in enumerate(self.layers):
             if i > 0:
                 x = np.tanh(x) if self.activation == "tanh" else np.maximum(x, np.float32(0.0))
@@ -92,15 +103,29 @@ class Network:
             np.savez_compressed(file, **arrays)
 
 
+LARGEST = 64_000_000
+"""Largest model taken, unpacked, bytes: 15 layers of 1024 by 1024 numbers."""
+
+LARGEST_TEXT = LARGEST // 16
+"""Largest JSON text taken, bytes: as Python's objects it takes 30 times the memory."""
+
 UNREADABLE = (
-    ValueError,
-    KeyError,
-    TypeError,
+    ArithmeticError,
+    AssertionError,
     AttributeError,
     EOFError,
+    LookupError,
+    MemoryError,
+    OSError,
     RuntimeError,
-    zipfile.BadZipFile,
+    SyntaxError,
+    TypeError,
+    ValueError,
     pickle.UnpicklingError,
+    struct.error,
+    tokenize.TokenError,
+    zipfile.BadZipFile,
+    zlib.error,
 )
 """What numpy, json, zipfile and torch raise on files that they did not write, or that are damaged."""
 
@@ -110,7 +135,8 @@ def read_network(path: str | Path) -> Network:
 
     Raises:
         FileNotFoundError: there is no such file.
-        ValueError: it holds something else, or a network that is not fully connected (no "MlpPolicy").
+        PermissionError: it may not be read.
+        ValueError: it holds something else, a network that is not fully connected (no "MlpPolicy"), or one too large.
         ImportError: torch is not installed, which a .zip file needs.
     """
     file = Path(path)
@@ -119,15 +145,31 @@ def read_network(path: str | Path) -> Network:
         raise FileNotFoundError(f"model: expected a .zip or .npz file, there is none at {path}.")
     try:
         return read(file)
+    except (FileNotFoundError, PermissionError):
+        raise
     except UNREADABLE as error:
         raise ValueError(f"model: {path} holds none that can be played: {error}") from error
 
 
 def _read_npz(path: Path) -> Network:
-    with np.load(path, allow_pickle=False) as arrays:
-        count = sum(name.startswith("bias_") for name in arrays)
-        layers = tuple(Layer(_array(arrays[f"weights_{i}"]), _array(arrays[f"bias_{i}"])) for i in range(count))
-        return Network(layers, str(arrays["activation"]), bool(arrays["squash"]))
+    with zipfile.ZipFile(path) as archive:
+        entries = _check_size(archive)
+        arrays = {name: _npy(_read(archive, name)) for name in entries}
+    count = sum(name.startswith("bias_") for name in arrays)
+    layers = _layers([(arrays[f"weights_{i}.npy"], arrays[f"bias_{i}.npy"]) for i in range(count)])
+    # As bytes: numpy's texts in a file may have characters that are none, with which Python's own do not work.
+    activation = arrays["activation.npy"].astype("S80").item().decode("ascii")
+    return Network(layers, activation, bool(arrays["squash.npy"]))
+
+
+def _npy(content: bytes) -> NDArray[Any]:
+    """Return the array in a .npy file, a view of its bytes, so that no claim of its header takes memory."""
+    file = io.BytesIO(content)
+    if np.lib.format.read_magic(file) != (1, 0):
+        raise ValueError("expected arrays as numpy.savez writes them, received another version.")
+    shape, fortran, dtype = np.lib.format.read_array_header_1_0(file)
+    array = np.frombuffer(content, dtype, math.prod(shape), file.tell())
+    return array.reshape(shape, order="F" if fortran else "C")
 
 
 class _Kind(NamedTuple):
@@ -151,22 +193,51 @@ def _read_zip(path: Path) -> Network:
     except ImportError as error:
         raise ImportError("A model's .zip file needs torch: pip install 'minigolf-env[agents]'.") from error
     with zipfile.ZipFile(path) as archive:
-        about: dict[str, Any] = json.loads(archive.read("data"))
-        weights = io.BytesIO(archive.read("policy.pth"))
+        entries = _check_size(archive)
+        if entries["data"].file_size > LARGEST_TEXT:
+            raise ValueError(f"expected at most {LARGEST_TEXT} bytes of JSON, received {entries['data'].file_size}.")
+        about: dict[str, Any] = json.loads(_read(archive, "data"))
+        weights = io.BytesIO(_read(archive, "policy.pth"))
+    with zipfile.ZipFile(weights) as archive:  # What torch writes is one, too.
+        _check_size(archive)
+    weights.seek(0)
     state: dict[str, Any] = torch.load(weights, map_location="cpu", weights_only=True)
     kind = next((kind for kind in KINDS.values() if f"{kind.last}.weight" in state), None)
     if kind is None or any("features_extractor." in name for name in state):
         raise ValueError(
             f"expected an MlpPolicy of {' or '.join(KINDS)}, received another; if you trust the file, load it "
-            " with stable-baselines3 and play it as a policies.PredictPolicy."
+            "with stable-baselines3 and play it as a policies.PredictPolicy."
         )
     found = (name.rpartition(".")[0] for name in state if name.startswith(kind.hidden) and name.endswith(".weight"))
     names = sorted(found, key=lambda name: int(name.rpartition(".")[2]))
-    layers = (Layer(_array(state[f"{name}.weight"]).T, _array(state[f"{name}.bias"])) for name in (*names, kind.last))
+    layers = _layers([(state[f"{name}.weight"].T, state[f"{name}.bias"]) for name in (*names, kind.last)])
     # Written as a class's text beside its pickle: "<class 'torch.nn.modules.activation.Tanh'>".
-    activation = str(about["policy_kwargs"].get("activation_fn", kind.activation)).rpartition(".")[2].strip("'>")
-    return Network(tuple(layers), activation.lower(), kind.squash)
+    activation = str(about["policy_kwargs"].get("activation_fn", kind.activation))[-80:].rpartition(".")[2].strip("'>")
+    return Network(layers, activation.lower(), kind.squash)
 
 
-def _array(values: Any) -> Array:
-    return np.ascontiguousarray(values, dtype=np.float32)
+def _check_size(archive: zipfile.ZipFile) -> dict[str, zipfile.ZipInfo]:
+    """Return a zip file's entries by name, or raise a ValueError if they say that they unpack to too much."""
+    entries = archive.infolist()
+    total = sum(entry.file_size for entry in entries)
+    if total > LARGEST:
+        raise ValueError(f"expected at most {LARGEST} bytes, received {total}, unpacked.")
+    if any(entry.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED) for entry in entries):
+        raise ValueError("expected entries stored or deflated, received others.")  # Others unpack whole what lies.
+    return {entry.filename: entry for entry in entries}
+
+
+def _read(archive: zipfile.ZipFile, name: str) -> bytes:
+    """Return an entry of a zip file, no more than it says: to read without a number unpacks all there is at once."""
+    file: IO[bytes]
+    with archive.open(name) as file:
+        return file.read(archive.getinfo(name).file_size)
+
+
+def _layers(arrays: Iterable[tuple[Any, Any]]) -> tuple[Layer, ...]:
+    """Return layers from weights and biases of any type, whose views may show few numbers many times."""
+    pairs = list(arrays)
+    total = 4 * sum(math.prod(array.shape) for pair in pairs for array in pair)
+    if total > LARGEST:
+        raise ValueError(f"expected layers of at most {LARGEST} bytes, received {total}.")
+    return tuple(Layer(*(np.ascontiguousarray(array, dtype=np.float32) for array in pair)) for pair in pairs)

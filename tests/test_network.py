@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import io
 import itertools
 import json
 import os
 import pickle
+import random
+import tracemalloc
 import zipfile
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import torch
 
-from minigolf_env.network import Layer, Network, read_network
+from minigolf_env.network import LARGEST, Layer, Network, read_network
 
 OBSERVATIONS = np.random.default_rng(0).uniform(-1.0, 1.0, (100, 10)).astype(np.float32)
 
@@ -44,6 +49,13 @@ def test_a_network_is_what_it_says(activation: str, squash: bool) -> None:
         assert net(OBSERVATIONS[rows]).tobytes() == putts[rows].tobytes()
 
 
+@pytest.mark.parametrize("shape", [(10,), (3, 9), (3, 11), (2, 3, 10), ()])
+def test_observations_of_another_shape_are_refused(shape: tuple[int, ...]) -> None:
+    """Too many numbers would otherwise play all the same."""
+    with pytest.raises(ValueError, match=r"observations: expected shape \(N, 10\), received"):
+        network(10, 4, 2)(np.zeros(shape))
+
+
 def test_a_file_gives_the_network_back(tmp_path: Path) -> None:
     """Every bit of it, and the same network makes the same file."""
     net = network(10, 16, 2, activation="relu", squash=True)
@@ -68,6 +80,26 @@ def test_networks_that_do_not_fit_are_refused() -> None:
         network(10, 2, activation="tan")
 
 
+def write_zip(path: Path, state: dict[str, Any] | None = None, data: str | None = None, policy: bytes = b"") -> None:
+    """Write a file as stable-baselines3's PPO does: weights as torch saves them, and JSON."""
+    if not policy:
+        buffer = io.BytesIO()
+        torch.save(state, buffer)
+        policy = buffer.getvalue()
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as file:
+        file.writestr("data", json.dumps({"policy_kwargs": {}}) if data is None else data)
+        file.writestr("policy.pth", policy)
+
+
+def ppo(hidden: int = 4, layers: int = 1, make: Callable[..., Any] = torch.ones) -> dict[str, Any]:
+    """Return the weights of a network as PPO names them."""
+    sizes, state = [10, *[hidden] * layers, 2], {}
+    for k, (m, n) in enumerate(itertools.pairwise(sizes)):
+        name = "action_net" if k == layers else f"mlp_extractor.policy_net.{2 * k}"
+        state |= {f"{name}.weight": make(n, m), f"{name}.bias": make(n)}
+    return state
+
+
 class Trap:
     """Whoever unpickles this makes a file."""
 
@@ -84,10 +116,9 @@ def test_no_file_runs_code(tmp_path: Path) -> None:
     trap = tmp_path / "sprung"
     np.savez(tmp_path / "a.npz", activation="tanh", squash=False, weights_0=np.array([Trap(trap)]), bias_0=np.zeros(2))
     (tmp_path / "b.npz").write_bytes(pickle.dumps(Trap(trap)))
-    with zipfile.ZipFile(tmp_path / "c.zip", "w") as file:
-        file.writestr("data", json.dumps({"policy_kwargs": {}}))
-        file.writestr("policy.pth", pickle.dumps(Trap(trap), protocol=2))  # The one that torch reads.
-    for name in ("a.npz", "b.npz", "c.zip"):
+    write_zip(tmp_path / "c.zip", {"action_net.weight": Trap(trap)})
+    write_zip(tmp_path / "d.zip", policy=pickle.dumps(Trap(trap), protocol=2))  # Torch would read this, too.
+    for name in ("a.npz", "b.npz", "c.zip", "d.zip"):
         with pytest.raises(ValueError, match=rf"model: .*{name}"):
             read_network(tmp_path / name)
     assert not trap.exists()
@@ -106,3 +137,129 @@ def test_other_files_are_refused(tmp_path: Path, name: str) -> None:
             np.save(raw, np.zeros(3))
     with pytest.raises(ValueError, match=rf"model: .*{name}"):
         read_network(path)
+
+
+def repeated(*shape: int) -> torch.Tensor:
+    """Return a tensor of one number in memory, shown everywhere."""
+    return torch.zeros(1).expand(*shape)
+
+
+def header(shape: tuple[int, ...], dtype: str = "<f4") -> bytes:
+    """Return a .npy file that claims a shape, with one number."""
+    file = io.BytesIO()
+    np.lib.format.write_array_header_1_0(file, {"descr": dtype, "fortran_order": False, "shape": shape})
+    return file.getvalue() + bytes(4)
+
+
+def write_npz(path: Path, **entries: bytes) -> None:
+    """Write an .npz file of these bytes, other entries those of a network."""
+    known = {"activation": np.array("tanh"), "squash": np.array(False), "bias_0": np.zeros(2, np.float32)}
+    np.savez(path, **known)
+    with zipfile.ZipFile(path, "a", zipfile.ZIP_DEFLATED) as file:
+        for name, content in entries.items():
+            file.writestr(f"{name}.npy", content)
+
+
+def understated(path: Path, name: str) -> None:
+    """Let an entry of a zip file say that it unpacks to 100 bytes."""
+    with zipfile.ZipFile(path) as file:
+        size = file.getinfo(name).file_size.to_bytes(4, "little")
+    content = path.read_bytes()
+    assert content.count(size) == 2  # Where the entry begins, and in the directory.
+    path.write_bytes(content.replace(size, (100).to_bytes(4, "little")))
+
+
+def nested(size: int) -> bytes:
+    """Return a zip file with zeros, as torch's files are zip files."""
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("archive/data.pkl", bytes(size))
+    return file.getvalue()
+
+
+BOMBS: dict[str, Callable[[Path], None]] = {
+    "zeros.npz": lambda path: write_npz(path, weights_0=bytes(2 * LARGEST)),
+    "far.npz": lambda path: write_npz(path, weights_0=header((2**70, 2))),
+    "wide.npz": lambda path: write_npz(path, weights_0=header((2**45, 2))),
+    "claimed.npz": lambda path: write_npz(path, weights_0=header((2**27, 2))),
+    "negative.npz": lambda path: write_npz(path, weights_0=header((-5, 2))),
+    "bytes.npz": lambda path: write_npz(
+        path, weights_0=header((LARGEST // 3, 2), "|i1")[:-4] + bytes(LARGEST * 2 // 3)
+    ),
+    "spaces.zip": lambda path: write_zip(path, ppo(), " " * 2 * LARGEST),
+    "lists.zip": lambda path: write_zip(path, ppo(), "[" + "[]," * 10_000_000 + "[]]"),
+    "repeated.zip": lambda path: write_zip(path, {"action_net.weight": repeated(2, 150_000_000)}),
+    "layers.zip": lambda path: write_zip(path, ppo(2000, 20, repeated)),
+    "nested.zip": lambda path: write_zip(path, policy=nested(2 * LARGEST)),
+}
+
+
+@pytest.mark.parametrize("name", BOMBS)
+def test_small_files_take_little_memory(tmp_path: Path, name: str) -> None:
+    """Whatever they unpack to, claim or repeat."""
+    path = tmp_path / name
+    BOMBS[name](path)
+    assert path.stat().st_size < 500_000
+    assert peak_of_refusal(path) < 3 * LARGEST
+
+
+@pytest.mark.parametrize("name", ["lies.npz", "lies.zip"])
+def test_what_a_zip_says_is_all_it_unpacks(tmp_path: Path, name: str) -> None:
+    """A directory that says less than there is: no more than that is unpacked."""
+    path = tmp_path / name
+    if name == "lies.npz":
+        write_npz(path, weights_0=bytes(2 * LARGEST))
+        understated(path, "weights_0.npy")
+    else:
+        write_zip(path, ppo(), " " * 2 * LARGEST)
+        understated(path, "data")
+    assert peak_of_refusal(path) < 3e6
+
+
+def peak_of_refusal(path: Path) -> int:
+    """Return how many bytes Python and numpy took to refuse a file."""
+    tracemalloc.start()
+    try:
+        with pytest.raises(ValueError, match=f"model: .*{path.name} holds none that can be played"):
+            read_network(path)
+        return tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+
+
+@pytest.mark.filterwarnings("ignore")  # Of numpy, about the headers.
+@pytest.mark.parametrize("part", ["file.npz", "entry.npz", "file.zip", "entry.zip"])
+def test_mutated_files_are_read_or_refused(tmp_path: Path, part: str) -> None:
+    """Nothing else happens; bytes of the file, or of what a zip file without a fault holds."""
+    rng, refused = random.Random(0), 0  # noqa: S311 (not for secrets)
+    whole, path = tmp_path / f"whole.{part[-3:]}", tmp_path / f"mutated.{part[-3:]}"
+    if part.endswith("npz"):
+        network(10, 4, 2).save(whole)
+    else:
+        write_zip(whole, ppo(), json.dumps({"policy_kwargs": {"activation_fn": "<class 'torch.nn.ReLU'>"}}))
+    with zipfile.ZipFile(whole) as archive:
+        entries = {name: archive.read(name) for name in archive.namelist()}
+    for _ in range(300):
+        if part.startswith("file"):
+            path.write_bytes(mutated(whole.read_bytes(), rng))
+        else:
+            chosen = "data" if part == "entry.zip" else rng.choice(sorted(entries))
+            with zipfile.ZipFile(path, "w") as archive:
+                for name, content in entries.items():
+                    archive.writestr(name, mutated(content, rng) if name == chosen else content)
+        try:
+            assert read_network(path)(np.zeros((1, 10))).shape == (1, 2)
+        except ValueError as error:
+            refused += 1
+            assert str(error).startswith("model: ")
+    assert refused > 0
+
+
+def mutated(content: bytes, rng: random.Random) -> bytes:
+    """Return bytes with some of them changed, and at times cut short; most changes at either end."""
+    changed = bytearray(content[: rng.choice([len(content), len(content), rng.randrange(len(content))])])
+    for _ in range(rng.randint(1, 4)):
+        if changed:
+            near = rng.randrange(min(len(changed), 120))
+            changed[rng.choice([near, len(changed) - 1 - near, rng.randrange(len(changed))])] = rng.randrange(256)
+    return bytes(changed)

@@ -98,7 +98,7 @@ def _triangles_alone(content: bytes, ending: str) -> bytes:
     """
     if ending == "ply":
         return content
-    text = content.decode("ascii", "ignore")
+    text = re.sub("\r\n?", "\n", content.decode("ascii", "ignore"))
     if ending == "stl":
         return "\n".join(["solid", *re.findall("vertex[ \t].*", text, re.IGNORECASE), "endsolid\n"]).encode()
     lines = re.findall("^[ \t]*([vf][ \t].*)", text.replace("\\\n", ""), re.MULTILINE)

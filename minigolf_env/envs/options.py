@@ -4,20 +4,24 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import ArrayLike, NDArray
 
-from minigolf_env.courses import NINE, ROUND, Course, load_course
-from minigolf_env.courses.procedural import DIFFICULTIES, LEVELS_KEPT, PROCEDURAL, level_name
+from minigolf_env.courses import NINE, ROUND, Course, list_courses, load_course
+from minigolf_env.courses.library import ROOMS
+from minigolf_env.courses.procedural import DIFFICULTIES, LEVELS_KEPT, PROCEDURAL, is_level_name, level_name
 from minigolf_env.envs.holes import Holes
 from minigolf_env.envs.levels import Levels, OneHole, Round, Tasks
 from minigolf_env.envs.observations import OBSERVERS, Observer
 from minigolf_env.envs.task import REWARDS, FloatArray, Task
 from minigolf_env.physics import World
 from minigolf_env.physics.checks import finite_array, one_of, positive_number
+from minigolf_env.physics.world import IMPACTS
 from minigolf_env.rendering import CAMERAS, PROFILES, Settings, check_size
 
 TEES = ("random", "fixed")
@@ -88,7 +92,7 @@ def make_tasks(
             raise ValueError(
                 f"{', '.join(given)}: expected with course={PROCEDURAL!r} only, received {given} with {course!r:.80}."
             )
-        return _make_round(rules) if course == ROUND else OneHole(make_task(course, **rules))
+        return _make_round(rules) if course == ROUND else OneHole(make_task(_check_name(course), **rules))
     known = one_of(given.get("difficulty", DIFFICULTIES[0]), DIFFICULTIES, "difficulty")
     levels = Levels(
         functools.partial(_make_level, known, rules), given.get("start_level", 0), given.get("num_levels", 500)
@@ -108,7 +112,6 @@ def make_task(
     putt_noise: tuple[float, float] = (0.0, 0.0),
     dt: float = 1 / 120,
     impact: str = "average",
-    level: int | None = None,
 ) -> Task:
     """Return the course and the rules that an environment's arguments describe.
 
@@ -127,13 +130,19 @@ def make_task(
     return Task(
         courses=(golf,),
         holes=Holes.of(golf, positive_number(speed, "top_speed", "give the launch speed of a full putt in m/s.")),
-        world=_world(golf, positive_number(dt, "dt", "1/120 s suits minigolf."), impact),
+        world=_world(golf, positive_number(dt, "dt", "1/120 s suits minigolf."), one_of(impact, IMPACTS, "impact")),
         reward=one_of(reward, REWARDS, "reward"),
         max_strokes=max_strokes,
         random_tee=one_of(tee, TEES, "tee") == "random",
         putt_noise=check_noise(putt_noise),
-        level=level,
     )
+
+
+def _check_name(course: str | Course) -> str | Course:
+    """Return a course that is no unknown name, or raise a ValueError: unlike load_course's, it knows sets of holes."""
+    if isinstance(course, str) and not Path(course).suffix and not is_level_name(course):
+        return one_of(course, (*list_courses(), ROUND, PROCEDURAL, *ROOMS), "course")
+    return course
 
 
 def _make_round(rules: dict[str, Any]) -> Round:
@@ -145,11 +154,11 @@ def _make_round(rules: dict[str, Any]) -> Round:
 
 
 def _make_hole(rules: dict[str, Any], number: int) -> Task:
-    return make_task(NINE[number - 1], level=number, **rules)
+    return replace(make_task(NINE[number - 1], **rules), level=number)
 
 
 def _make_level(difficulty: str, rules: dict[str, Any], level: int) -> Task:
-    return make_task(level_name(difficulty, level), level=level, **rules)
+    return replace(make_task(level_name(difficulty, level), **rules), level=level)
 
 
 def check_actions(actions: ArrayLike, shape: tuple[int | None, ...]) -> FloatArray:

@@ -55,18 +55,22 @@ def read_state(state: Any, tasks: Tasks, task: Task) -> Episode:
     if not isinstance(state, dict) or "position" not in state or not known.issuperset(state):
         received = sorted(map(str, state)) if isinstance(state, dict) else f"{state!r:.80}"
         raise ValueError(f"state: expected 'position' and what get_state() returns, received {received}.")
-    over = bool(state.get("over", False))
+    over = state.get("over", False)
+    if not isinstance(over, (bool, np.bool_)):
+        raise ValueError(f"over: expected True or False, received {over!r:.80}.")
     task = tasks.level(state[tasks.key]) if tasks.key in state else task
     position, strokes = finite_array(state["position"], (3,), "position", LIE), state.get("strokes", 0)
-    if not (isinstance(strokes, (int, np.integer)) and 0 <= strokes <= task.max_strokes):
-        raise ValueError(f"strokes: expected an integer from 0 to {task.max_strokes}, received {strokes!r}.")
+    most = task.max_strokes if over else task.max_strokes - 1
+    if not isinstance(strokes, (int, np.integer)) or isinstance(strokes, bool) or not 0 <= strokes <= most:
+        hint = "." if over else f"; after {task.max_strokes} an episode is over."
+        raise ValueError(f"strokes: expected an integer from 0 to {most}, received {strokes!r:.80}{hint}")
     generator: Any = state.get("np_random")
     if "np_random" in state:
         try:
             np.random.PCG64(0).state = generator
         except (KeyError, OverflowError, TypeError, ValueError) as error:
             raise ValueError(f"np_random: expected a state of numpy's PCG64 generator; {error}") from error
-    return Episode(task, position, int(strokes), over, generator)
+    return Episode(task, position, int(strokes), bool(over), generator)
 
 
 def check_lies(episodes: Sequence[Episode]) -> None:

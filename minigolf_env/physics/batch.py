@@ -76,10 +76,11 @@ def check_clear(scenes: Sequence[Scene], p: FloatArray, scales: float | FloatArr
     deep = clearances < -2.0 * TOLERANCE * np.maximum(scales, np.abs(centres).max(axis=1, initial=0.0))
     if deep.any():
         i = int(deep.argmax())
+        scene = next(_spans(scenes, len(centres), i, i + 1))[2]
         which = "position" if p.ndim == 1 else f"position {i}"
         raise ValueError(
             f"{which}: expected a ball in free space, received {centres[i].tolist()}, {-clearances[i]:.3g} m deep in a "
-            f"surface; its centre must be at least {scenes[0].radius:g} m from every triangle."
+            f"surface; its centre must be at least {scene.radius:g} m from every triangle."
         )
 
 

@@ -90,13 +90,14 @@ def test_mesh_files_take_about_a_hundred_times_their_size_at_most(name: str, tmp
 
 
 def test_groups_and_solids_are_read_as_one() -> None:
-    """Each would cost a pass over the file; with textures, normals, comments in any encoding, and lines that go on."""
+    """Each would cost a pass; with textures, normals, comments in any encoding, lines that go on; any line ends."""
     box = trimesh.creation.box((2, 2, 0.2))
     lines = ["mtllib ../m.mtl", *(f"v {x} {y} {z} 1 0 0 # caf\u00e9" for x, y, z in box.vertices), "vt 0 0", "vn 0 0 1"]
     for k, face in enumerate(box.faces + 1):
         lines += [f"g {k}", f"usemtl {k}", "f " + " \\\n".join(f"{corner}/1/1" for corner in face)]
     solids = box.export(file_type="stl_ascii").replace("endfacet", "endfacet\nendsolid a\nsolid b")
-    for text, ending in (("\r\n".join(lines), "obj"), (solids, "stl")):
+    texts = [("\n".join(lines), "obj"), (solids, "stl")]
+    for text, ending in [(text.replace("\n", end), ending) for text, ending in texts for end in ("\n", "\r\n", "\r")]:
         alone = _triangles_alone(text.encode("latin-1"), ending)
         assert not {b"g", b"usemtl", b"mtllib"} & set(alone.split()) and alone.count(b"endsolid") == (ending == "stl")
         mesh = trimesh.load_mesh(io.BytesIO(alone), ending)

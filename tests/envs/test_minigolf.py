@@ -17,7 +17,7 @@ from gymnasium.utils.env_checker import check_env
 from stable_baselines3.common.env_checker import check_env as sb3_check_env
 
 import minigolf_env  # noqa: F401 (registers the environment)
-from minigolf_env.envs import MiniGolfEnv
+from minigolf_env.envs import MiniGolfEnv, MiniGolfVectorEnv
 
 ROOT = Path(__file__).parents[2]
 
@@ -120,6 +120,16 @@ def test_set_state_goes_back(env: MiniGolfEnv) -> None:
         ({"position": (50.0, 50.0, 1.0)}, "bounds"),
         ({"position": (0.6, 0.6, 0.1), "strokes": 11}, "strokes"),
         ({"position": (0.6, 0.6, 0.1), "strokes": 1.5}, "strokes"),
+        (
+            {"position": (0.6, 0.6, 0.1), "strokes": 10},
+            "strokes: expected an integer from 0 to 9, received 10; after 10",
+        ),
+        ({"position": (0.6, 0.6, 0.1), "strokes": 11, "over": True}, "strokes: expected an integer from 0 to 10"),
+        ({"position": (0.6, 0.6, 0.1), "strokes": True}, "strokes: expected an integer from 0 to 9, received True"),
+        ({"position": (0.6, 0.6, 0.1), "strokes": np.ones(2)}, "strokes: expected an integer"),
+        ({"position": (0.6, 0.6, 0.1), "over": 1}, "over: expected True or False, received 1"),
+        ({"position": (0.6, 0.6, 0.1), "over": "no"}, "over: expected True or False"),
+        ({"position": (0.6, 0.6, 0.1), "over": None}, "over: expected True or False"),
         ({"strokes": 1}, "position"),
         ({"position": (0.6, 0.6, 0.1), "stroke": 1}, "stroke"),
         ([0.6, 0.6, 0.1], "state: expected 'position'"),
@@ -160,13 +170,39 @@ def test_a_bad_action_is_refused_and_changes_nothing(env: MiniGolfEnv, action: A
         ({"putt_noise": 0.1}, "putt_noise"),
         ({"dt": 0.0}, "dt"),
         ({"dt": np.nan}, "dt"),
-        ({"impact": "elastic"}, "impact"),
+        ({"impact": "elastic"}, "impact: expected one of 'average', 'conservative'"),
+        ({"impact": ["average"]}, "impact: expected one of"),
+        ({"course": "roundd"}, "did you mean 'round'"),
+        ({"course": "procedual"}, "did you mean 'procedural'"),
     ],
 )
 def test_bad_arguments_are_named(options: dict[str, Any], words: str) -> None:
     """A wrong argument is a ValueError that names it."""
     with pytest.raises(ValueError, match=words):
         MiniGolfEnv(**options)
+
+
+@pytest.mark.parametrize("course", ["dogleg", "round", "procedural"])
+def test_unknown_arguments_are_type_errors(course: str) -> None:
+    """Names of what the rules hold inside, too."""
+    for options in ({"level": 17}, {"hole": 3}, {"random_tee": True}):
+        for make in (
+            lambda **given: MiniGolfEnv(course, **given),
+            lambda **given: MiniGolfVectorEnv(2, course, **given),
+        ):
+            with pytest.raises(TypeError, match=f"unexpected keyword argument '{next(iter(options))}'"):
+                make(**options)
+
+
+@pytest.mark.parametrize("over", [True, np.True_])
+def test_an_episode_of_all_strokes_is_over(over: Any) -> None:
+    """Its state can be set; it says that it is over."""
+    env = MiniGolfEnv()
+    env.set_state({"position": (0.6, 0.6, 0.1), "strokes": 10, "over": over})
+    state = env.get_state()
+    assert state["strokes"] == 10 and state["over"] is True
+    with pytest.raises(ResetNeeded):
+        env.step(np.zeros(2))
 
 
 def test_playing_without_a_ball_is_refused() -> None:

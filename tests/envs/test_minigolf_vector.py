@@ -117,6 +117,7 @@ GOOD = {"position": (0.4, 0.5, 0.1)}
         ([GOOD, GOOD, {"position": (9.0, 9.0, 0.1)}], "state 2: position: expected a place within"),
         ([GOOD, {"position": (0.4, 0.5)}, GOOD], "state 1: position: expected shape"),
         ([GOOD, GOOD, GOOD | {"strokes": 99}], "state 2: strokes"),
+        ([GOOD, GOOD, GOOD | {"strokes": 10}], "state 2: strokes: expected"),
         ([GOOD, GOOD, GOOD | {"np_random": {"state": 1}}], "state 2: np_random"),
         ([GOOD, GOOD | {"over": True}, GOOD], "state 1: over: expected an episode that goes on"),
         ([GOOD, GOOD | {"level": 3}, GOOD], "state 1: level: expected none"),
@@ -194,9 +195,12 @@ def test_generators_can_be_set() -> None:
         [rngs[0]] * 2,
         [1, 2],
         [np.random.Generator(np.random.MT19937(k)) for k in (1, 2)],
+        [np.random.PCG64(k) for k in (1, 2)],
+        [np.random.Generator(rngs[0].bit_generator) for _ in range(2)],
     ):
         with pytest.raises(ValueError, match="np_random: expected 2"):
             batch.set_attr("np_random", wrong)
+    assert batch.get_attr("np_random") == tuple(rngs)
     for name in ("render_mode", "task", "strokes"):
         with pytest.raises(AttributeError, match=f"expected 'np_random', received '{name}'"):
             batch.set_attr(name, [None, None])

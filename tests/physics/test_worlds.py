@@ -8,6 +8,7 @@ import pytest
 from minigolf_env.courses import load_course
 from minigolf_env.courses.procedural import GENERATOR
 from minigolf_env.physics import World, WorldBatch
+from tests.physics.scenes import mesh, room
 
 NAMES = ["dogleg", f"procedural-v{GENERATOR}-hard-3", f"procedural-v{GENERATOR}-easy-4", "dogleg"]
 
@@ -61,3 +62,13 @@ def test_what_does_not_fit_is_refused(worlds: list[World]) -> None:
         WorldBatch([]).sweep_batch(balls, balls)
     with pytest.raises(ValueError, match="all of one dt"):
         WorldBatch([worlds[0], load_course("dogleg").world(dt=1 / 60)])
+
+
+def test_a_refusal_names_the_radius_of_the_ball_itself() -> None:
+    """Balls of a batch may differ in size; nobody is sent to a height that is still in the floor."""
+    batch = WorldBatch([World([mesh(room(2.0))], ball_radius=radius) for radius in (0.02, 0.05)])
+    for k in (2, 3):
+        balls = np.tile([0.0, 0.0, 1.0], (4, 1))
+        balls[k, 2] = 0.03
+        with pytest.raises(ValueError, match=rf"position {k}: .*, 0\.02 m deep .* at least 0\.05 m from"):
+            batch.simulate_batch(balls, np.zeros((4, 3)))
