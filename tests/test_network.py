@@ -203,6 +203,14 @@ def test_small_files_take_little_memory(tmp_path: Path, name: str) -> None:
     assert peak_of_refusal(path) < 3 * LARGEST
 
 
+def test_torch_gets_no_file_that_unpacks_to_too_much(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What it would take is not Python's memory, which the test above counts."""
+    monkeypatch.delattr(torch, "load")
+    BOMBS["nested.zip"](tmp_path / "nested.zip")
+    with pytest.raises(ValueError, match=f"expected at most {LARGEST} bytes, received {2 * LARGEST}, unpacked"):
+        read_network(tmp_path / "nested.zip")
+
+
 @pytest.mark.parametrize("name", ["lies.npz", "lies.zip"])
 def test_what_a_zip_says_is_all_it_unpacks(tmp_path: Path, name: str) -> None:
     """A directory that says less than there is: no more than that is unpacked."""
