@@ -119,7 +119,7 @@ def check(file: Annotated[str, tyro.conf.Positional], preview: Path | None = Non
 def map_(
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"])] = Path("map.png"),
     course: str = "dogleg",
-    tee: tuple[float, float] | None = None,
+    tee: Annotated[str | None, tyro.conf.arg(metavar="X,Y")] = None,
     directions: int = 720,
     speeds: int = 140,
 ) -> None:
@@ -128,13 +128,14 @@ def map_(
     Args:
         output: the picture to write.
         course: a hole's name or file.
-        tee: x and y of the ball, m; left out: the middle of the tee.
+        tee: place of the ball, m, such as 0.3,0.6; left out: the middle of the tee.
         directions: how many.
         speeds: how many.
     """
     from minigolf_env.maps import write_map
 
-    putts = write_map(output, course, tee, directions, speeds, progress=True)
+    place = None if tee is None else _place(tee)
+    putts = write_map(output, course, place, directions, speeds, progress=True)
     print(f"wrote {output}: {putts.outcome.result.size:,} putts, {putts.outcome.holed.sum():,} holes in one")
 
 
@@ -212,6 +213,14 @@ def benchmark(
     if json is not None:
         settings = {"max_strokes": max_strokes, "seed": seed}
         scoring.write_record(json, policy=policy, settings=settings, sets=[asdict(score) for score in scores])
+
+
+def _place(text: str) -> tuple[float, float]:
+    try:
+        x, y = (float(number) for number in text.split(","))
+    except ValueError:
+        raise ValueError(f"tee: expected X,Y in metres, such as 0.3,0.6, received {text!r}.") from None
+    return x, y
 
 
 def main(args: Sequence[str] | None = None) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from minigolf_env import cli
 from minigolf_env.courses import load_course
 from minigolf_env.envs import MiniGolfEnv
 from minigolf_env.maps import draw_map, simulate, write_map
@@ -55,3 +56,12 @@ def test_maps_that_cannot_be_are_refused_before_the_putts(tmp_path: Path) -> Non
         simulate("dogleg", directions=0, speeds=2)
     with pytest.raises(ValueError, match=r"output: the file's ending: expected one of .*'png'.*received 'pgn'"):
         write_map(tmp_path / "map.pgn", "dogleg")
+
+
+@pytest.mark.parametrize("tee", ["0.3", "a,b", "0.3,0.6,1", "0.3,nan"])
+def test_a_tee_is_two_numbers(tee: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Anything else is one line, and no picture."""
+    with pytest.raises(SystemExit) as caught:
+        cli.main(["map", "-o", str(tmp_path / "map.png"), "--tee", tee])
+    assert caught.value.code == cli.FAILED and capsys.readouterr().err.count("\n") == 1
+    assert not list(tmp_path.iterdir())
