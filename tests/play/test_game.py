@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from minigolf_env.courses import NINE, list_courses, load_course
+from minigolf_env.envs.observations import OBSERVERS
 from minigolf_env.network import Layer, Network
 from minigolf_env.play.aim import Aim
 from minigolf_env.play.game import YOU, Game
@@ -117,7 +118,8 @@ def test_the_opponent_plays_after_the_human(tmp_path: Path) -> None:
 
 def test_the_opponent_sees_what_it_was_trained_with(tmp_path: Path) -> None:
     """A model of "rays" gets them."""
-    rays = Network((Layer(np.zeros((45, 2), np.float32), np.array([0.1, 0.0], np.float32)),))
+    inputs = OBSERVERS["rays"].space().shape[0]
+    rays = Network((Layer(np.zeros((inputs, 2), np.float32), np.array([0.1, 0.0], np.float32)),))
     rays.save(tmp_path / "rays.npz")
     game = new_game(tmp_path, ModelPolicy(tmp_path / "rays.npz"))
     game.strike(game.hint())
