@@ -36,7 +36,7 @@ class Args(runs.Run):
     learning_rate: float = 2e-3
     """At the start; falls linearly to 0."""
     gamma: float = 0.5
-    """Of the discount: with the shaped reward, a stroke's own part of it says nearly all."""
+    """The discount: with the shaped reward, a stroke's own part of it says nearly all."""
     gae_lambda: float = 0.5
     clip_range: float = 0.2
     log_std: tuple[float, float] = (-1.9, -5.0)

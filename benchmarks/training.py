@@ -17,7 +17,6 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-import numpy as np
 import tyro
 from matplotlib.figure import Figure
 from tqdm import tqdm
@@ -80,15 +79,18 @@ def train(variant: str, seed: int, options: str) -> Result:
 
 def draw(results: dict[str, list[Result]], path: Path) -> None:
     """Draw the strokes of the checkpoints over the putts, a panel for each variant."""
-    figure = Figure(figsize=(3.2 * 4, 2.6 * (-(-len(results) // 4))), layout="constrained")
-    panels = np.atleast_1d(figure.subplots(-(-len(results) // 4), min(4, len(results)), sharex=True, sharey=True)).flat
-    for axes, (name, runs) in zip(panels, results.items(), strict=False):
+    figure = Figure(figsize=(3.2 * min(4, len(results)), 2.6 * (-(-len(results) // 4))), layout="constrained")
+    grid = figure.subplots(-(-len(results) // 4), min(4, len(results)), sharex=True, sharey=True, squeeze=False)
+    panels = iter(grid.flat)
+    for (name, runs), axes in zip(results.items(), panels, strict=False):
         for run in runs:
             putts, strokes = zip(*((row["putts"] / 1e6, row["strokes"]) for row in run.history), strict=True)
             axes.plot(putts, strokes, linewidth=1.2)
         axes.set(title=name, yscale="log", ylim=(0.95, 10), yticks=[1, 2, 5, 10], yticklabels=["1", "2", "5", "10"])
         axes.grid(alpha=0.3)
         axes.minorticks_off()
+    for axes in panels:  # Those left over.
+        axes.axis("off")
     figure.supxlabel("putts, millions")
     figure.supylabel("strokes of a checkpoint")
     figure.savefig(path, dpi=80)
