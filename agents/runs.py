@@ -153,13 +153,13 @@ def train(args: Args, build: Build[Args], callbacks: Sequence[BaseCallback], fol
     envs = make_envs(args)
     model = build(args, envs)
     resume = (folder / "checkpoint.zip").is_file()
-    if args.start is not None and not resume:
-        model.set_parameters(str(args.start))
     if resume:
         model = type(model).load(folder / "checkpoint.zip", env=envs, device=model.device)
         model.set_random_seed(args.seed + model.num_timesteps)  # Not the same tees again.
         if isinstance(model, OffPolicyAlgorithm):  # Its memory is not saved: first it collects a new one.
             model.learning_starts += model.num_timesteps
+    elif args.start is not None:
+        model.set_parameters(str(args.start))
     model.tensorboard_log = str(folder)
     checkpoints = Checkpoints(args, folder)
     checkpoints.init_callback(model)

@@ -94,9 +94,9 @@ def evaluate(
     """
     if episodes < 1:
         raise ValueError(f"episodes: expected at least 1, received {episodes}.")
-    rules: dict[str, Any] = {"observation": policy.observation, "max_strokes": max_strokes, "putt_noise": putt_noise}
     if first_seed < 0:
         raise ValueError(f"first_seed: expected at least 0, received {first_seed}.")
+    rules: dict[str, Any] = {"observation": policy.observation, "max_strokes": max_strokes, "putt_noise": putt_noise}
     if course == PROCEDURAL:
         difficulty = one_of(DIFFICULTIES[0] if difficulty is None else difficulty, DIFFICULTIES, "difficulty")
         rules |= {"difficulty": difficulty, "tee": "fixed"}
