@@ -1,7 +1,8 @@
 """How exact is it, beside the engines a user could pick instead? Run: python -m benchmarks.exactness.
 
 Plays the same putts and throws in every engine and measures what must not happen: balls through walls, balls in
-surfaces, energy lost or won, late contacts. With ``--figure docs/figures/energy.png`` it also draws the energy.
+surfaces, energy lost or won, late contacts. With ``--figure docs/figures/energy.png`` it also draws the energy, with
+``--json benchmarks/results/exactness.json`` it stores what it found.
 """
 
 from __future__ import annotations
@@ -16,10 +17,10 @@ import numpy as np
 import tyro
 from numpy.typing import NDArray
 
-from benchmarks.energy_figure import draw
+from benchmarks.energy_figure import SHARES, draw, spread
 from benchmarks.peers import load_peers
 from benchmarks.peers.engine import GRAVITY, Conservative, Engine, Minigolf
-from benchmarks.report import print_table
+from benchmarks.report import as_records, print_table, store
 from benchmarks.scenes import RADIUS, ROOM, FloatArray, Scene, directions, scene_d, scene_m, scene_s, scene_t, scene_w
 from minigolf_env.physics import Surface
 
@@ -46,6 +47,8 @@ class Args:
     sweeps: int = 10_000
     figure: Path | None = None
     """File of the figure of the energy, .png or .svg."""
+    json: Path | None = None
+    """File of the results: the table, the error of the energy over time, versions, machine."""
     peers: tuple[str, ...] = ("pybullet", "rapier3d", "mujoco")
     seed: int = 0
 
@@ -151,8 +154,17 @@ def energy_rows(errors: list[FloatArray], args: Args) -> list[list[str]]:
     ]
 
 
+def over_time(error: FloatArray, args: Args) -> dict[str, list[float | None]]:
+    """Return how large errors (samples, throws) are, second by second: SHARES of the balls still there, or None."""
+    each = round((len(error) - 1) / args.seconds)
+    found: dict[str, list[float | None]] = {"seconds": [k / each for k in range(0, len(error), each)]}
+    for share, row in zip(SHARES, spread(np.abs(error[::each]))):
+        found[f"quantile {share:g}"] = [None if np.isnan(size) else float(f"{size:.3g}") for size in row]
+    return found
+
+
 def main(args: Args) -> None:
-    """Print the table, and draw the figure if asked."""
+    """Print the table, store it and draw the figure if asked."""
     numba.set_num_threads(1)
     engines: list[type[Engine]] = [Minigolf, Conservative, *load_peers(args.peers)]
     errors = [energy(engine, args) for engine in engines]
@@ -160,7 +172,11 @@ def main(args: Args) -> None:
     rows = containment_rows(engines, args) + energy_rows(errors, args)
     row = f"S, {args.sweeps:,} sweeps of 5 m: largest error of the place of contact, mm"
     rows.append([row, *("no sphere cast" if error is None else f"{1e3 * error:.1e}" for error in late)])
-    print_table(["", *(engine.name for engine in engines)], rows)
+    header = ["", *(engine.name for engine in engines)]
+    print_table(header, rows)
+    if args.json is not None:
+        energies = {engine.name: over_time(error, args) for engine, error in zip(engines, errors)}
+        store(args.json, args, args.peers, table=as_records(header, rows), energy_error=energies)
     if args.figure is not None:
         draw({engine.name: error for engine, error in zip(engines, errors)}, args.seconds, args.figure)
 

@@ -1,7 +1,8 @@
 """How fast is it, beside the engines a user could pick instead? Run: python -m benchmarks.speed.
 
 Rates are per second of CPU time on one core: medians of rounds in which all take their turns, so that a slow spell of
-the machine hits all alike. benchmarks/scenes.py describes the scenes, benchmarks/peers/ how each engine is set up.
+the machine hits all alike. benchmarks/scenes.py describes the scenes, benchmarks/peers/ how each engine is set up. With
+``--json benchmarks/results/speed.json`` it stores the rates.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import tracemalloc
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
+from pathlib import Path
 
 import numba
 import numpy as np
@@ -21,7 +23,7 @@ import tyro
 
 from benchmarks.peers import load_peers
 from benchmarks.peers.engine import Engine
-from benchmarks.report import print_table, short
+from benchmarks.report import Records, print_table, short, store
 from benchmarks.scenes import CELLS, ROOM, SCENES, FloatArray, Scene, scene_l, scene_m
 from minigolf_env.physics import World
 
@@ -53,6 +55,8 @@ class Args:
     scenes: tuple[str, ...] = ("S", "M", "L", "T")
     peers: tuple[str, ...] = ("pybullet", "rapier3d", "mujoco")
     seed: int = 0
+    json: Path | None = None
+    """File of the results: the rates, versions, machine."""
 
 
 @dataclass(frozen=True)
@@ -156,18 +160,24 @@ def measure(tasks: list[Task], rounds: int) -> None:
             task.time()
 
 
-def print_rates(tasks: list[Task], rounds: int) -> None:
-    """Run all tasks in turn, and print a row for each row and each engine: its rate, and ours as a multiple of it."""
+def print_rates(tasks: list[Task], rounds: int) -> Records:
+    """Run all tasks in turn, and print a row for each row and each engine: its rate, and ours as a multiple of it.
+
+    Returns:
+        The rates, a second of CPU time, of each row by the engine's name.
+    """
     measure(tasks, rounds)
     columns = list(dict.fromkeys(task.column for task in tasks))
-    rows = []
+    rows, found = [], {}
     for row in dict.fromkeys(task.row for task in tasks):
         cells = {task.column: task for task in tasks if task.row == row}
         rates = {column: statistics.median(task.rates) for column, task in cells.items()}
+        found[row] = {c + ("" if cells[c].counts else " (rays)"): float(f"{rate:.4g}") for c, rate in rates.items()}
         best = max((rates[c] for c, task in cells.items() if c != columns[0] and task.counts), default=math.nan)
         shown = [short(rates[c]) + ("" if cells[c].counts else " rays") if c in cells else "" for c in columns]
         rows.append([row, *shown, "" if math.isnan(best) else f"{rates[columns[0]] / best:.1f}x"])
     print_table(["", *columns, "ours / best peer"], rows)
+    return found
 
 
 def print_scaling(args: Args, threads: int) -> None:
@@ -231,14 +241,16 @@ def memory(build: Callable[[], World]) -> tuple[int, int]:
 
 
 def main(args: Args) -> None:
-    """Print the tables."""
+    """Print the tables, store the rates if asked."""
     threads = numba.get_num_threads()
     numba.set_num_threads(1)
     peers = load_peers(args.peers)
     scenes = {name: SCENES[name]() for name in args.scenes}
     tasks = [task for scene in scenes.values() for task in putting(scene, args, peers)]
     tasks += [task for name in ("M", "L") if name in scenes for task in sweeping(scenes[name], args, peers)]
-    print_rates(tasks, args.rounds)
+    rates = print_rates(tasks, args.rounds)
+    if args.json is not None:
+        store(args.json, args, args.peers, rates=rates)
     print_scaling(args, threads)
     print_building(args)
 

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
+import json
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numba
 import numpy as np
@@ -47,11 +50,13 @@ def test_scenes_have_free_tees_and_free_points(name: str) -> None:
         world.require_free(point)
 
 
-def test_speed_prints_its_tables(capsys: pytest.CaptureFixture[str]) -> None:
-    """All rows appear."""
+def test_speed_prints_its_tables_and_stores_its_rates(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """All rows appear; the file has those of the rates."""
     budget = {"putts": 2, "sweeps": 10, "casts": 10, "rounds": 1, "triangles": 800}
-    speed.main(speed.Args(**budget, scenes=("S", "M"), peers=()))
+    speed.main(speed.Args(**budget, scenes=("S", "M"), peers=(), json=tmp_path / "new" / "speed.json"))
     printed = capsys.readouterr().out
+    rates = json.loads((tmp_path / "new" / "speed.json").read_text())["rates"]
+    assert all(row in printed and rate["minigolf_env"] > 0 for row, rate in rates.items()) and len(rates) == 5
     for row in ("steps/s while putting, S", "putts to rest/s, M", "sphere sweeps/s, M", "time against", "bytes kept"):
         assert row in printed
 
@@ -75,12 +80,29 @@ def test_par_is_looked_for(capsys: pytest.CaptureFixture[str]) -> None:
     assert "| funnel | 2   | yes " in printed and "late 0; exhausted 0; in a solid 0" in printed
 
 
-def test_exactness_prints_its_table(capsys: pytest.CaptureFixture[str]) -> None:
-    """All rows appear, and ours never are behind a wall."""
-    exactness.main(exactness.Args(putts=3, slow_putts=2, throws=2, seconds=0.5, sweeps=10, peers=()))
+def test_exactness_prints_and_stores_its_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """All rows appear, and ours never are behind a wall; the file says the same, and how the energy went."""
+    file = tmp_path / "exactness.json"
+    exactness.main(exactness.Args(putts=3, slow_putts=2, throws=2, seconds=2.0, sweeps=10, peers=(), json=file))
     rows = [[cell.strip() for cell in line.split("|")] for line in capsys.readouterr().out.splitlines()]
     behind = [row for row in rows if any("behind a wall" in cell for cell in row)]
     assert len(behind) == 3 and all(row[2:4] == ["0", "0"] for row in behind)
+    stored = json.loads(file.read_text())
+    assert [[name, *cells.values()] for name, cells in stored["table"].items()] == [row[1:-1] for row in rows[2:-1]]
+    assert list(stored["energy_error"]) == ["minigolf_env, average", "minigolf_env, conservative"]
+    for error in stored["energy_error"].values():
+        assert error["seconds"] == [0.0, 1.0, 2.0] and error["quantile 0.1"] <= error["quantile 0.9"]
+
+
+@pytest.mark.parametrize("script", [exactness, speed], ids=lambda script: script.__name__)
+def test_stored_results_are_of_todays_scripts(script: Any) -> None:
+    """They were made with the settings that the script has, unchanged, and say by which versions, and on what."""
+    name = script.__name__.rpartition(".")[2]
+    text = (Path(speed.__file__).parent / "results" / f"{name}.json").read_text()
+    stored, settings = json.loads(text), dataclasses.asdict(script.Args())
+    assert {**settings, **stored["settings"]} == json.loads(json.dumps(settings)) and "/" not in str(stored["settings"])
+    assert {"minigolf_env", "numba", "python", *settings["peers"]} <= stored["versions"].keys()
+    assert {"processor", "cores", "system"} == stored["machine"].keys()
 
 
 def test_exactness_measures_contacts_to_rounding() -> None:
