@@ -14,7 +14,7 @@ INSTALLED := $(VENV)/.installed
 INSTALLED_DISTRIBUTED := $(VENV_DISTRIBUTED)/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help train test test-distributed soak mutants bench lint check format clean
+.PHONY: help train test test-distributed soak mutants bench notebooks lint check format clean
 
 help: ## list the commands
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "make %-16s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -39,6 +39,9 @@ soak: $(INSTALLED) ## look at every one of 10^8 steps in random rooms (minutes)
 
 mutants: $(INSTALLED) ## break the physics in many ways: do the tests notice? (twenty minutes)
 	$(BIN)/python -m tests.mutations $(ARGS)
+
+notebooks: $(INSTALLED) ## run the notebooks and store what they show (five minutes)
+	$(BIN)/python -m notebooks.execute $(ARGS)
 
 lint: $(INSTALLED) ## check style, types and import rules
 	$(BIN)/ruff check
