@@ -7,6 +7,7 @@ from pathlib import Path
 
 import nbformat
 import pytest
+from nbclient.exceptions import CellExecutionError
 
 from notebooks.execute import NOTEBOOKS, execute, plain
 
@@ -43,6 +44,18 @@ def test_it_runs(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         kinds = [output.output_type for output in now.outputs]
         assert "error" not in kinds
         assert ("display_data" in kinds) == ("display_data" in [output.output_type for output in stored.outputs])
+
+
+@pytest.mark.parametrize(
+    ("source", "error"),
+    [("open('left.txt', 'w').close()", "left behind, there are left.txt"), ("1 / 0", "ZeroDivisionError")],
+)
+def test_what_a_run_must_not_do_is_an_error(source: str, error: str, tmp_path: Path) -> None:
+    """To leave files, or to fail."""
+    path = tmp_path / "one.ipynb"
+    nbformat.write(nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(source)]), path)
+    with pytest.raises((RuntimeError, CellExecutionError), match=error):
+        execute(path)
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
