@@ -1,0 +1,114 @@
+"""What docs/clients.md says of other libraries is so."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from agents.train_ppo import Args
+from docs.examples import cleanrl_ppo
+
+DOCS = Path(__file__).parents[2] / "docs"
+BLOCKS = re.findall(r"```python\n(.*?)```", (DOCS / "clients.md").read_text(), flags=re.DOTALL)
+PROCESSES = next(block for block in BLOCKS if "forkserver" in block)
+TINY = {"putts": 256, "num_envs": 16, "num_steps": 2, "epochs": 2, "batch": 16}
+
+
+@pytest.mark.usefixtures("gl")
+@pytest.mark.parametrize("number", [number for number, block in enumerate(BLOCKS) if block != PROCESSES])
+def test_each_block_is_a_program(number: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It runs by itself, without a warning."""
+    monkeypatch.chdir(tmp_path)
+    exec(BLOCKS[number], {"__name__": "__main__"})  # noqa: S102 (our own page)
+    if "RecordVideo" in BLOCKS[number]:
+        assert len(list(tmp_path.rglob("*.mp4"))) == 2
+
+
+def test_the_page_has_a_block_for_each_library() -> None:
+    """Wrappers, their vector versions, videos, processes, stable-baselines3 in two ways."""
+    names = (
+        "FrameStackObservation",
+        "wrappers.vector import Norm",
+        "RecordVideos",
+        "forkserver",
+        '"MiniGolf-v0", n_',
+        "VecMon",
+    )
+    assert [next(i for i, block in enumerate(BLOCKS) if name in block) for name in names] == list(range(len(BLOCKS)))
+
+
+def test_processes_are_started_from_a_program_of_ones_own(gl: None, tmp_path: Path) -> None:
+    """A file with the block runs as it stands: new processes import it, and begin nothing of their own."""
+    (tmp_path / "program.py").write_text(PROCESSES)
+    subprocess.run([sys.executable, "program.py"], cwd=tmp_path, check=True, timeout=120)
+
+
+def test_ppo_in_one_file_plays_all_its_putts(capsys: pytest.CaptureFixture[str]) -> None:
+    """And says how it goes after each tenth of them, or each update where there are fewer."""
+    shares = cleanrl_ppo.main(cleanrl_ppo.Args(**TINY))
+    assert len(shares) == 8 and all(0.0 <= share <= 1.0 for share in shares)
+    assert capsys.readouterr().out.splitlines()[-1].startswith("     256 putts")
+
+
+def test_an_update_goes_where_putts_were_better() -> None:
+    """When those farther to the right are, the mean putt moves to the right, and the value to the returns."""
+    torch.manual_seed(0)
+    agent, std = cleanrl_ppo.Agent(10, 2), 0.2
+    optimizer = torch.optim.Adam(agent.parameters(), 1e-3)
+    seen = torch.rand(256, 10)
+    with torch.no_grad():
+        putt, value = agent(seen, std)
+        putts = putt.sample()
+        data = [seen, putts, putt.log_prob(putts).sum(-1), putts[:, 0], torch.ones(256)]
+    cleanrl_ppo.update(agent, optimizer, data, std, cleanrl_ppo.Args(batch=64))
+    with torch.no_grad():
+        after, worth = agent(seen, std)
+    moved = (after.mean - putt.mean).mean(0)
+    assert moved[0] > 0.01 and moved[0] > 2 * abs(moved[1])
+    assert (worth - 1).square().mean() < (value - 1).square().mean()
+
+
+def test_advantages_are_those_of_the_definition() -> None:
+    """Sums of discounted errors of the values, up to the end of an episode."""
+    rng, args = np.random.default_rng(0), cleanrl_ppo.Args(gamma=0.7, gae_lambda=0.6)
+    rewards, values = torch.as_tensor(rng.normal(size=(6, 3))), torch.as_tensor(rng.normal(size=(7, 3)))
+    over = torch.as_tensor(rng.random((6, 3)) < 0.3).double()
+    found = cleanrl_ppo.advantages(rewards, values, over, args)
+    for n in range(3):
+        for t in range(6):
+            total, weight = 0.0, 1.0
+            for k in range(t, 6):
+                total += weight * (rewards[k, n] + 0.7 * (1 - over[k, n]) * values[k + 1, n] - values[k, n])
+                weight *= 0.7 * 0.6 * (1 - over[k, n])
+            assert float(found[t, n]) == pytest.approx(float(total))
+
+
+def test_the_zoos_settings_are_the_samples() -> None:
+    """Those of agents/train_ppo.py, by their names; its environments times its putts make as large an update."""
+    text = (DOCS / "examples" / "zoo" / "ppo.yml").read_text()
+    settings = dict(re.findall(r"^  (\w+): (.+)$", text, flags=re.MULTILINE))
+    args = Args()
+    for name in ("batch_size", "n_epochs", "gamma", "gae_lambda", "target_kl"):
+        assert float(settings[name]) == getattr(args, name), name
+    assert settings["learning_rate"] == f"lin_{args.learning_rate:.0e}".replace("e-0", "e-")
+    assert int(settings["n_envs"]) * int(settings["n_steps"]) == args.num_envs * args.n_steps
+    assert float(settings["n_timesteps"].removeprefix("!!float ")) == args.putts
+    start, end = args.log_std
+    assert f"Annealing: {{ start: {start}, end: {end}, putts: {args.putts} }}" in text
+    assert settings["policy_kwargs"] == f"dict(net_arch={list(args.hidden)}, log_std_init={start})"
+
+
+def test_the_zoo_trains(tmp_path: Path) -> None:
+    """Where it is installed: the command of the page, with few putts."""
+    pytest.importorskip("rl_zoo3", reason="docs/clients.md says how to install it, into an environment of its own")
+    command = [sys.executable, "-m", "rl_zoo3.train", "--algo", "ppo", "--env", "MiniGolf-v0"]
+    command += ["--gym-packages", "minigolf_env", "--conf-file", str(DOCS / "examples" / "zoo" / "ppo.yml")]
+    command += ["--log-folder", str(tmp_path), "--eval-episodes", "1", "--eval-freq", "2048", "-n", "2048"]
+    subprocess.run(command, cwd=DOCS.parent, check=True, timeout=300)
+    assert (tmp_path / "ppo" / "MiniGolf-v0_1" / "best_model.zip").is_file()
