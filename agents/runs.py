@@ -11,7 +11,6 @@ import contextlib
 import dataclasses
 import itertools
 import json
-import os
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -28,7 +27,8 @@ from stable_baselines3.common.vec_env import VecEnv, VecMonitor
 
 from agents.facing_vec_env import FacingVecEnv
 from agents.sb3_vec_env import SB3VecEnv
-from minigolf_env import evaluation
+from minigolf_env import evaluation, scoring
+from minigolf_env.files import write_text, writing
 from minigolf_env.policies import PredictPolicy, load_policy
 
 CONSOLE = Console()
@@ -116,7 +116,7 @@ def begin(args: Args) -> tuple[Args, Path]:
     check(args)
     folder = new_folder(args)
     stored = {**dataclasses.asdict(args), "out": None, "resume": None}
-    write(folder / "args.json", json.dumps(stored, indent=2, default=str).encode())
+    write_text(folder / "args.json", json.dumps(stored, indent=2, default=str))
     return args, folder
 
 
@@ -249,7 +249,7 @@ class Checkpoints(BaseCallback):
         if score.strokes < best:
             self.save("best.zip")
         self.history.append({"putts": self.num_timesteps, **row})
-        write(self.folder / "progress.json", json.dumps(self.history).encode())
+        write_text(self.folder / "progress.json", json.dumps(self.history))
         CONSOLE.print(
             f"{self.num_timesteps:>10,} putts: {score.strokes:.2f} strokes, {score.holed:.0%} holed, "
             f"{score.hole_in_one:.0%} holes-in-one (best {min(best, score.strokes):.2f})"
@@ -257,9 +257,8 @@ class Checkpoints(BaseCallback):
 
     def save(self, name: str) -> None:
         """Save the model under a name in the run's folder."""
-        beside = self.folder / f".{name}"
-        self.model.save(beside)
-        publish(beside, self.folder / name)
+        with writing(self.folder / name) as part:
+            self.model.save(part)
 
 
 def final_table(args: Run, learner: type[BaseAlgorithm], folder: Path) -> list[evaluation.Score]:
@@ -275,7 +274,8 @@ def final_table(args: Run, learner: type[BaseAlgorithm], folder: Path) -> list[e
         for name, (policy, episodes) in players.items()
         if episodes > 0
     ]
-    write(folder / "scores.json", json.dumps([dataclasses.asdict(score) for score in scores], indent=2).encode())
+    record = [dataclasses.asdict(score) for score in scores]
+    scoring.write_record(folder / "scores.json", "stable-baselines3", "torch", scores=record)
     return scores
 
 
@@ -310,22 +310,6 @@ def read_args(kind: type[Args], folder: Path) -> Args:
         name: tuple(value) if isinstance(value, list) else value for name, value in stored.items()
     }
     return kind(**values)
-
-
-def write(path: Path, content: bytes) -> None:
-    """Write a file so that it is never half there."""
-    beside = path.with_name(f".{path.name}")
-    beside.write_bytes(content)
-    publish(beside, path)
-
-
-def publish(beside: Path, path: Path) -> None:
-    """Put a file, or a new folder of files, into its place once it is wholly on the disk."""
-    for part in beside.rglob("*") if beside.is_dir() else [beside]:
-        if part.is_file():
-            with part.open("rb") as file:
-                os.fsync(file.fileno())
-    beside.replace(path)
 
 
 def _go_on(folder: Path) -> str:

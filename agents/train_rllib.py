@@ -29,6 +29,7 @@ from agents.cluster import connect
 from minigolf_env.courses import load_course
 from minigolf_env.courses.procedural import PROCEDURAL
 from minigolf_env.evaluation import Score
+from minigolf_env.files import publish
 
 ENVIRONMENT = "minigolf_env:MiniGolf-v0"
 """With the module's name: a worker on another node has imported nothing of ours."""
@@ -161,7 +162,7 @@ class Training(runs.Checkpoints):
         shutil.rmtree(beside, ignore_errors=True)
         self.algorithm.save_to_path(str(beside.resolve()))
         shutil.rmtree(place, ignore_errors=True)
-        runs.publish(beside, place)
+        publish(beside, place)
         for old in self.kept()[:-1]:
             shutil.rmtree(old)
 
