@@ -12,6 +12,7 @@ import dataclasses
 import itertools
 import json
 import time
+import zipfile
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,12 +24,13 @@ from rich.console import Console
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback, ProgressBarCallback
 from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
+from stable_baselines3.common.save_util import load_from_zip_file
 from stable_baselines3.common.vec_env import VecEnv, VecMonitor
 
 from agents.facing_vec_env import FacingVecEnv
 from agents.sb3_vec_env import SB3VecEnv
 from minigolf_env import evaluation, scoring
-from minigolf_env.files import write_text, writing
+from minigolf_env.files import remove_parts, write_text, writing
 from minigolf_env.policies import PredictPolicy, load_policy
 
 CONSOLE = Console()
@@ -112,7 +114,9 @@ def begin(args: Args) -> tuple[Args, Path]:
         SystemExit: with a line that says what is wrong.
     """
     if args.resume is not None:
-        return read_args(type(args), args.resume), args.resume
+        resumed = read_args(type(args), args.resume), args.resume
+        remove_parts(args.resume)
+        return resumed
     check(args)
     folder = new_folder(args)
     stored = {**dataclasses.asdict(args), "out": None, "resume": None}
@@ -154,7 +158,7 @@ def train(args: Args, build: Build[Args], callbacks: Sequence[BaseCallback], fol
     model = build(args, envs)
     resume = (folder / "checkpoint.zip").is_file()
     if resume:
-        model = type(model).load(folder / "checkpoint.zip", env=envs, device=model.device)
+        restore(model, folder / "checkpoint.zip")
         model.set_random_seed(args.seed + model.num_timesteps)  # Not the same tees again.
         if isinstance(model, OffPolicyAlgorithm):  # Its memory is not saved: first it collects a new one.
             model.learning_starts += model.num_timesteps
@@ -176,6 +180,21 @@ def train(args: Args, build: Build[Args], callbacks: Sequence[BaseCallback], fol
     finally:
         envs.close()
     return type(model)
+
+
+def restore(model: BaseAlgorithm, path: Path) -> None:
+    """Put a checkpoint's weights, optimizers and counts into a new learner.
+
+    Unlike ``load`` it runs no code that is pickled in the file: a run of someone else's may be gone on with, too.
+    """
+    _, parameters, variables = load_from_zip_file(path, device=model.device, load_data=False)
+    model.set_parameters(parameters, device=model.device)
+    for name, value in (variables or {}).items():  # SAC's entropy coefficient, which is no network's.
+        getattr(model, name).data.copy_(value.data)
+    with zipfile.ZipFile(path) as archive:
+        about = json.loads(archive.read("data"))
+    for count in ("num_timesteps", "_n_updates"):
+        setattr(model, count, about[count])
 
 
 def make_envs(args: Run) -> VecMonitor:

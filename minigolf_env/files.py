@@ -8,6 +8,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+DIGITS = 8
+"""Random hexadecimal digits in the name of a file that is being written, behind its own: .checkpoint-0a1b2c3d.zip."""
+
 
 @contextmanager
 def writing(path: str | Path) -> Iterator[Path]:
@@ -55,12 +58,18 @@ def check_output(path: str | Path) -> Path:
 
 def create_beside(path: Path) -> Path:
     """Return a new empty file in the same folder, with the same ending, from where a rename is one step."""
-    part = path.with_name(f".{path.stem[:40]}-{uuid.uuid4().hex[:8]}{path.suffix}")
+    part = path.with_name(f".{path.stem[:40]}-{uuid.uuid4().hex[:DIGITS]}{path.suffix}")
     try:
         part.touch(exist_ok=False)
     except OSError as error:
         raise OSError(f"{path}: cannot be written: {error}; choose another folder.") from error
     return part
+
+
+def remove_parts(folder: Path) -> None:
+    """Remove what was being written in a folder when a process was killed. No other may be writing there."""
+    for part in folder.glob(f".*-{'[0-9a-f]' * DIGITS}*"):
+        part.unlink(missing_ok=True)
 
 
 def publish(part: Path, path: Path) -> None:
