@@ -16,7 +16,7 @@ nox.options.default_venv_backend = "venv"
 PINS = {"1.4": "constraints.txt", "1.2": "constraints-distributed.txt"}
 """The tested versions around each Gymnasium."""
 
-WITHOUT_LEARNING = ("--ignore=tests/agents", "--ignore=tests/distributed")
+WITHOUT_LEARNING = ("--ignore=tests/agents", "--ignore=tests/distributed", "--ignore=tests/test_benchmarks.py")
 """What needs torch, stable-baselines3 or Ray runs where they are installed: make test, make test-distributed."""
 
 
