@@ -1,0 +1,82 @@
+"""The tests on every Python and Gymnasium that is supported, and of what users install: ``make test-all``.
+
+A Python that this machine lacks is left out; those of pyenv are found after ``pyenv shell 3.11 3.12 3.13``.
+"""
+
+from __future__ import annotations
+
+import functools
+import shutil
+from pathlib import Path
+
+import nox
+
+nox.needs_version = ">=2025.5"
+nox.options.default_venv_backend = "venv"
+
+PINS = {"1.4": "constraints.txt", "1.2": "constraints-distributed.txt"}
+"""The tested versions around each Gymnasium."""
+
+WITHOUT_LEARNING = ("--ignore=tests/agents", "--ignore=tests/distributed", "--ignore=tests/test_benchmarks.py")
+"""What needs torch, stable-baselines3 or Ray runs where they are installed: make test, make test-distributed."""
+
+
+@nox.session(python=["3.11", "3.12", "3.13"])
+@nox.parametrize("gymnasium", list(PINS))
+def core(session: nox.Session, gymnasium: str) -> None:
+    """Test the environment, the physics, the pictures and the command."""
+    session.install("--constraint", PINS[gymnasium], "--editable", ".[dev]")
+    session.run("pytest", *WITHOUT_LEARNING, *session.posargs)
+
+
+@nox.session(python="3.11")
+@nox.parametrize("kind", ["wheel", "sdist"])
+def package(session: nox.Session, kind: str) -> None:
+    """Test what users install: built, then installed where no checkout is near."""
+    folder = Path(session.create_tmp()).resolve()
+    shutil.rmtree(folder / "dist", ignore_errors=True)
+    session.install("build")
+    session.run("python", "-m", "build", f"--{kind}", "--outdir", str(folder / "dist"))
+    (built,) = (folder / "dist").iterdir()
+    session.install("--constraint", "constraints.txt", "--force-reinstall", f"{built}[dev]")
+    for name in ("tests", "agents", "docs", "benchmarks"):
+        shutil.copytree(name, folder / name, dirs_exist_ok=True)
+    for name in ("pyproject.toml", "README.md", "CHANGELOG.md", *PINS.values()):
+        shutil.copy(name, folder)
+    session.chdir(folder)
+    session.run("minigolf", "evaluate", "--policy", "ppo", "--episodes", "10")
+    session.run("pytest", *WITHOUT_LEARNING, *session.posargs)
+
+
+@nox.session(python="3.11")
+def reproducible(session: nox.Session) -> None:
+    """Build the wheel twice, from two places, at two times: the same bytes."""
+    session.install("build")
+    folder = Path(session.create_tmp()).resolve()
+    wheels = []
+    for place in ("here", "there"):
+        shutil.rmtree(folder / place, ignore_errors=True)
+        session.run("git", "clone", "--quiet", ".", str(folder / place), external=True)
+        session.run("python", "-m", "build", "--wheel", "--outdir", str(folder / place / "dist"), str(folder / place))
+        wheels += (folder / place / "dist").iterdir()
+    first, second = (path.read_bytes() for path in wheels)
+    if first != second:
+        session.error(f"{wheels[0]} and {wheels[1]} differ.")
+    session.log(f"{wheels[0].name}: {len(first):,} bytes, the same twice")
+
+
+@nox.session(python="3.11", default=False)
+def supply(session: nox.Session) -> None:
+    """Write anew what says where everything comes from; after every change of constraints.txt."""
+    session.install("--constraint", "constraints.txt", "--editable", ".[agents,dev]")
+    session.run("python", "-m", "venv", "--clear", tools := str(Path(session.create_tmp()).resolve() / "tools"))
+    run = functools.partial(session.run, external=True)
+    run(f"{tools}/bin/pip", "install", "--quiet", "uv", "pip-licenses", "cyclonedx-bom")
+    where = ["--constraint", "constraints.txt", "--extra", "agents", "--extra", "dev", "pyproject.toml"]
+    how = ["--quiet", "--universal", "--generate-hashes", "--no-emit-index-url", "--no-header", "--no-annotate"]
+    run(f"{tools}/bin/uv", "pip", "compile", *how, *where, "--output-file", "requirements.lock")
+    bom = ["--output-reproducible", "--pyproject", "pyproject.toml", "--mc-type", "library", "--short-PURLs"]
+    run(f"{tools}/bin/cyclonedx-py", "environment", *bom, "--output-file", "sbom.cdx.json", session.virtualenv.location)
+    table = ["--format", "markdown", "--from", "mixed", "--ignore-packages", "minigolf-env", "pip", "setuptools"]
+    python = str(Path(session.bin) / "python")
+    run(f"{tools}/bin/pip-licenses", "--python", python, *table, "--output-file", "docs/licences.md")
