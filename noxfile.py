@@ -17,8 +17,10 @@ nox.options.default_venv_backend = "venv"
 PINS = {"1.4": "constraints.txt", "1.2": "constraints-distributed.txt"}
 """The tested versions around each Gymnasium."""
 
-WITHOUT_LEARNING = ("--ignore=tests/agents", "--ignore=tests/distributed", "--ignore=tests/test_benchmarks.py")
+WITH_LEARNING = ("agents", "clients", "distributed", "test_benchmarks.py", "test_notebooks.py")
 """What needs torch, stable-baselines3 or Ray runs where they are installed: make test, make test-distributed."""
+
+WITHOUT_LEARNING = tuple(f"--ignore=tests/{name}" for name in WITH_LEARNING)
 
 
 @nox.session(python=["3.11", "3.12", "3.13"])
