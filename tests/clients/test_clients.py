@@ -56,8 +56,8 @@ def test_ppo_in_one_file_plays_all_its_putts(capsys: pytest.CaptureFixture[str])
     assert capsys.readouterr().out.splitlines()[-1].startswith("     256 putts")
 
 
-def test_an_update_goes_where_putts_were_better() -> None:
-    """When those farther to the right are, the mean putt moves to the right, and the value to the returns."""
+def update(clip: float) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+    """Return how far the mean putt (2,) moves where putts farther to the right are better, and values before, after."""
     torch.manual_seed(0)
     agent, std = cleanrl_ppo.Agent(10, 2), 0.2
     optimizer = torch.optim.Adam(agent.parameters(), 1e-3)
@@ -66,12 +66,23 @@ def test_an_update_goes_where_putts_were_better() -> None:
         putt, value = agent(seen, std)
         putts = putt.sample()
         data = [seen, putts, putt.log_prob(putts).sum(-1), putts[:, 0], torch.ones(256)]
-    cleanrl_ppo.update(agent, optimizer, data, std, cleanrl_ppo.Args(batch=64))
+    cleanrl_ppo.update(agent, optimizer, data, std, cleanrl_ppo.Args(batch=64, epochs=20, clip=clip))
     with torch.no_grad():
         after, worth = agent(seen, std)
-    moved = (after.mean - putt.mean).mean(0)
+    return (after.mean - putt.mean).mean(0), value, worth
+
+
+def test_an_update_goes_where_putts_were_better() -> None:
+    """The mean putt moves to the right, and the values to the returns, which are 1."""
+    moved, before, after = update(clip=0.2)
     assert moved[0] > 0.01 and moved[0] > 2 * abs(moved[1])
-    assert (worth - 1).square().mean() < (value - 1).square().mean()
+    assert (after - 1).square().mean() < (before - 1).square().mean()
+
+
+def test_an_update_goes_as_far_as_it_is_let() -> None:
+    """The farther, the wider the clip."""
+    near, middle, far = (update(clip)[0][0] for clip in (0.01, 0.2, 100.0))
+    assert 2 * near < middle and 2 * middle < far
 
 
 def test_advantages_are_those_of_the_definition() -> None:
