@@ -15,7 +15,7 @@ INSTALLED_DOCS := $(VENV)/.installed-docs
 INSTALLED_DISTRIBUTED := $(VENV_DISTRIBUTED)/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help train test test-distributed soak mutants bench docs lint check format clean
+.PHONY: help train test test-all test-distributed soak mutants bench docs lint check format clean
 
 help: ## list the commands
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "make %-16s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -34,6 +34,9 @@ bench: $(INSTALLED) ## measure speed, exactness and pictures beside other engine
 	$(BIN)/python -m benchmarks.speed
 	$(BIN)/python -m benchmarks.exactness
 	$(BIN)/python -m benchmarks.rendering
+
+test-all: $(INSTALLED) ## run the tests with each Python and Gymnasium, on wheel and sdist (an hour)
+	$(BIN)/nox $(ARGS)
 
 soak: $(INSTALLED) ## look at every one of 10^8 steps in random rooms (minutes)
 	$(BIN)/python -m tests.soak $(ARGS)
@@ -57,7 +60,7 @@ format: $(INSTALLED) ## mend style and formatting
 	$(BIN)/ruff format
 
 clean: ## remove the environment, caches and build products
-	rm -rf $(VENV) $(VENV_DISTRIBUTED) build dist *.egg-info .*_cache .hypothesis
+	rm -rf $(VENV) $(VENV_DISTRIBUTED) .nox build dist *.egg-info .*_cache .hypothesis
 	find minigolf_env agents tests -name __pycache__ -prune -exec rm -rf {} +
 
 # The stamp makes a second run install nothing; a changed requirement or pin installs again.

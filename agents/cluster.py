@@ -24,18 +24,7 @@ def connect(address: str | None = None, num_cpus: int | None = None) -> Any:
     Raises:
         SystemExit: Ray is not installed, or there is no cluster at the address.
     """
-    # Ray looks here when it is imported: it tells its makers how it is used unless told not to, and it listens to the
-    # whole network unless it takes itself to be on a system where it knows no clusters.
-    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
-    if address is None:
-        os.environ.setdefault("RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER", "0")
-    try:
-        import ray
-    except ImportError:
-        raise SystemExit(
-            "Ray is missing. It wants a virtual environment of its own, and in it: "
-            'pip install -c constraints-distributed.txt -e ".[agents,distributed]"'
-        ) from None
+    ray = import_ray(address)
     logging.getLogger("ray.rllib").setLevel(logging.ERROR)  # Its warnings are about its own past and future versions.
     quiet = {"logging_level": logging.ERROR, "log_to_driver": False, "ignore_reinit_error": True}
     if address is None:
@@ -50,5 +39,26 @@ def connect(address: str | None = None, num_cpus: int | None = None) -> Any:
         reason = str(error).splitlines()[0]
         raise SystemExit(
             f'address: expected "auto" on a node of a running cluster, or HOST:PORT, received {address!r}: {reason}'
+        ) from None
+    return ray
+
+
+def import_ray(address: str | None) -> Any:
+    """Return the module ray, ready for a cluster at an address or, without one, for this machine alone.
+
+    Raises:
+        SystemExit: it is not installed.
+    """
+    # Ray looks here when it is imported: it tells its makers how it is used unless told not to, and it listens to the
+    # whole network unless it takes itself to be on a system where it knows no clusters.
+    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
+    if address is None:
+        os.environ.setdefault("RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER", "0")
+    try:
+        import ray
+    except ImportError:
+        raise SystemExit(
+            "Ray is missing. It wants a virtual environment of its own, and in it: "
+            'pip install -c constraints-distributed.txt -e ".[agents,distributed]"'
         ) from None
     return ray

@@ -26,10 +26,10 @@ from rich.console import Console
 from tqdm import tqdm
 
 from agents.cluster import connect
-from agents.runs import publish, write
 from minigolf_env import __version__, maps
 from minigolf_env.courses import Course, load_course
 from minigolf_env.envs.task import Result
+from minigolf_env.files import write_text, writing
 
 Arrays = dict[str, Any]
 
@@ -81,9 +81,8 @@ def play(course: Course, args: Args, among: range) -> Arrays:
 
 def save(path: Path, arrays: Arrays) -> None:
     """Write arrays so that the file is never half there."""
-    beside = path.with_name(f".{path.name}")
-    np.savez_compressed(beside, **arrays)
-    publish(beside, path)
+    with writing(path) as part:
+        np.savez_compressed(part, **arrays)
 
 
 def claim(args: Args, course: Course, folder: Path) -> None:
@@ -103,7 +102,7 @@ def claim(args: Args, course: Course, folder: Path) -> None:
             raise SystemExit(f"out: {folder} holds putts with another {', '.join(other)}; choose another folder.")
     else:
         folder.mkdir(parents=True, exist_ok=True)
-        write(note, json.dumps(mine, indent=2).encode())
+        write_text(note, json.dumps(mine, indent=2))
 
 
 def play_all(course: Course, args: Args, folder: Path) -> None:

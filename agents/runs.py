@@ -11,8 +11,8 @@ import contextlib
 import dataclasses
 import itertools
 import json
-import os
 import time
+import zipfile
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,11 +24,13 @@ from rich.console import Console
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback, ProgressBarCallback
 from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
+from stable_baselines3.common.save_util import load_from_zip_file
 from stable_baselines3.common.vec_env import VecEnv, VecMonitor
 
 from agents.facing_vec_env import FacingVecEnv
 from agents.sb3_vec_env import SB3VecEnv
-from minigolf_env import evaluation
+from minigolf_env import evaluation, scoring
+from minigolf_env.files import remove_parts, write_text, writing
 from minigolf_env.policies import PredictPolicy, load_policy
 
 CONSOLE = Console()
@@ -112,11 +114,13 @@ def begin(args: Args) -> tuple[Args, Path]:
         SystemExit: with a line that says what is wrong.
     """
     if args.resume is not None:
-        return read_args(type(args), args.resume), args.resume
+        resumed = read_args(type(args), args.resume), args.resume
+        remove_parts(args.resume)
+        return resumed
     check(args)
     folder = new_folder(args)
     stored = {**dataclasses.asdict(args), "out": None, "resume": None}
-    write(folder / "args.json", json.dumps(stored, indent=2, default=str).encode())
+    write_text(folder / "args.json", json.dumps(stored, indent=2, default=str))
     return args, folder
 
 
@@ -154,7 +158,7 @@ def train(args: Args, build: Build[Args], callbacks: Sequence[BaseCallback], fol
     model = build(args, envs)
     resume = (folder / "checkpoint.zip").is_file()
     if resume:
-        model = type(model).load(folder / "checkpoint.zip", env=envs, device=model.device)
+        restore(model, folder / "checkpoint.zip")
         model.set_random_seed(args.seed + model.num_timesteps)  # Not the same tees again.
         if isinstance(model, OffPolicyAlgorithm):  # Its memory is not saved: first it collects a new one.
             model.learning_starts += model.num_timesteps
@@ -176,6 +180,21 @@ def train(args: Args, build: Build[Args], callbacks: Sequence[BaseCallback], fol
     finally:
         envs.close()
     return type(model)
+
+
+def restore(model: BaseAlgorithm, path: Path) -> None:
+    """Put a checkpoint's weights, optimizers and counts into a new learner.
+
+    Unlike ``load`` it runs no code that is pickled in the file: a run of someone else's may be gone on with, too.
+    """
+    _, parameters, variables = load_from_zip_file(path, device=model.device, load_data=False)
+    model.set_parameters(parameters, device=model.device)
+    for name, value in (variables or {}).items():  # SAC's entropy coefficient, which is no network's.
+        getattr(model, name).data.copy_(value.data)
+    with zipfile.ZipFile(path) as archive:
+        about = json.loads(archive.read("data"))
+    for count in ("num_timesteps", "_n_updates"):
+        setattr(model, count, about[count])
 
 
 def make_envs(args: Run) -> VecMonitor:
@@ -249,7 +268,7 @@ class Checkpoints(BaseCallback):
         if score.strokes < best:
             self.save("best.zip")
         self.history.append({"putts": self.num_timesteps, **row})
-        write(self.folder / "progress.json", json.dumps(self.history).encode())
+        write_text(self.folder / "progress.json", json.dumps(self.history))
         CONSOLE.print(
             f"{self.num_timesteps:>10,} putts: {score.strokes:.2f} strokes, {score.holed:.0%} holed, "
             f"{score.hole_in_one:.0%} holes-in-one (best {min(best, score.strokes):.2f})"
@@ -257,9 +276,8 @@ class Checkpoints(BaseCallback):
 
     def save(self, name: str) -> None:
         """Save the model under a name in the run's folder."""
-        beside = self.folder / f".{name}"
-        self.model.save(beside)
-        publish(beside, self.folder / name)
+        with writing(self.folder / name) as part:
+            self.model.save(part)
 
 
 def final_table(args: Run, learner: type[BaseAlgorithm], folder: Path) -> list[evaluation.Score]:
@@ -275,7 +293,8 @@ def final_table(args: Run, learner: type[BaseAlgorithm], folder: Path) -> list[e
         for name, (policy, episodes) in players.items()
         if episodes > 0
     ]
-    write(folder / "scores.json", json.dumps([dataclasses.asdict(score) for score in scores], indent=2).encode())
+    record = [dataclasses.asdict(score) for score in scores]
+    scoring.write_record(folder / "scores.json", "stable-baselines3", "torch", scores=record)
     return scores
 
 
@@ -310,22 +329,6 @@ def read_args(kind: type[Args], folder: Path) -> Args:
         name: tuple(value) if isinstance(value, list) else value for name, value in stored.items()
     }
     return kind(**values)
-
-
-def write(path: Path, content: bytes) -> None:
-    """Write a file so that it is never half there."""
-    beside = path.with_name(f".{path.name}")
-    beside.write_bytes(content)
-    publish(beside, path)
-
-
-def publish(beside: Path, path: Path) -> None:
-    """Put a file, or a new folder of files, into its place once it is wholly on the disk."""
-    for part in beside.rglob("*") if beside.is_dir() else [beside]:
-        if part.is_file():
-            with part.open("rb") as file:
-                os.fsync(file.fileno())
-    beside.replace(path)
 
 
 def _go_on(folder: Path) -> str:

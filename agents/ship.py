@@ -16,6 +16,7 @@ import tyro
 from agents.runs import read_args
 from agents.train_ppo import Args as TrainArgs
 from minigolf_env.evaluation import evaluate, print_scores
+from minigolf_env.files import writing
 from minigolf_env.network import read_network
 from minigolf_env.policies import SHIPPED, ModelPolicy
 from minigolf_env.scoring import write_record
@@ -54,19 +55,14 @@ def command(args: TrainArgs) -> str:
 def main(args: Args) -> None:
     """Write the model and its card, and print its scores."""
     trained = read_args(TrainArgs, args.run)
-    args.output.parent.mkdir(parents=True, exist_ok=True)
-    beside = args.output.with_name(f".{args.output.name}")
-    try:
-        read_network(args.run / "best.zip").save(beside)
-        size = beside.stat().st_size
+    with writing(args.output) as part:  # The model that shipped before stays until this one is scored.
+        read_network(args.run / "best.zip").save(part)
+        size = part.stat().st_size
         if size > LARGEST:
             raise SystemExit(f"model: expected at most {LARGEST:,} bytes, received {size:,}; train a smaller network.")
-        policy = ModelPolicy(beside)
+        policy = ModelPolicy(part)
         game: dict[str, Any] = {"course": trained.course, "difficulty": trained.difficulty, "episodes": args.episodes}
         scores = [evaluate(policy, "ppo", **game, putt_noise=noise) for noise in ((0.0, 0.0), args.noise)]
-        beside.replace(args.output)  # The model that shipped before stays until here.
-    finally:
-        beside.unlink(missing_ok=True)
     for score in scores:
         print_scores([score])
     write_record(

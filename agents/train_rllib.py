@@ -25,10 +25,11 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.logger import configure
 
 from agents import runs
-from agents.cluster import connect
+from agents.cluster import connect, import_ray
 from minigolf_env.courses import load_course
 from minigolf_env.courses.procedural import PROCEDURAL
 from minigolf_env.evaluation import Score
+from minigolf_env.files import publish
 
 ENVIRONMENT = "minigolf_env:MiniGolf-v0"
 """With the module's name: a worker on another node has imported nothing of ours."""
@@ -161,7 +162,7 @@ class Training(runs.Checkpoints):
         shutil.rmtree(beside, ignore_errors=True)
         self.algorithm.save_to_path(str(beside.resolve()))
         shutil.rmtree(place, ignore_errors=True)
-        runs.publish(beside, place)
+        publish(beside, place)
         for old in self.kept()[:-1]:
             shutil.rmtree(old)
 
@@ -263,6 +264,7 @@ def train(args: Args, folder: Path) -> None:
 def main(args: Args) -> list[Score]:
     """Train, score, print the table."""
     began, address = time.monotonic(), args.address
+    import_ray(address)  # Where it is missing, nothing is begun.
     if args.num_env_runners < 1 or args.num_learners < 0:
         raise SystemExit("num_env_runners: expected at least 1; num_learners: at least 0.")
     if args.facing or args.observation == "pixels" or args.start is not None:

@@ -9,9 +9,11 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from tqdm import tqdm
 
 from minigolf_env.courses import Course, CourseError, Cup, list_courses, load_course
 from minigolf_env.envs import MiniGolfEnv
+from minigolf_env.files import writing
 from minigolf_env.physics import World
 from minigolf_env.planning import search
 from minigolf_env.rendering import still
@@ -82,7 +84,8 @@ def write_pictures(folder: Path) -> Path:
     names = [*list_courses(), CUPLESS]
     rows = -(-len(names) // COLUMNS)
     sheet = Figure(figsize=(5.0 * COLUMNS, 4.05 * rows), layout="constrained")
-    for axes, name in itertools.zip_longest(sheet.subplots(rows, COLUMNS).flat, names):
+    drawn = tqdm(names, "Drawing", leave=False, disable=None)
+    for axes, name in itertools.zip_longest(sheet.subplots(rows, COLUMNS).flat, drawn):
         axes.axis("off")
         if name is not None:
             course = load_course(name)
@@ -99,10 +102,9 @@ def write_preview(course: Course, path: Path) -> None:
     """Write a picture of a course from behind the tee, from above and from a side, and its folder."""
     import matplotlib.image
 
-    path.parent.mkdir(parents=True, exist_ok=True)
-
-    views = [picture(course, camera, (480, 480)) for camera in ("tee", "top", "orbit")]
-    matplotlib.image.imsave(path, np.concatenate(views, axis=1))
+    with writing(path) as part:
+        views = [picture(course, camera, (480, 480)) for camera in ("tee", "top", "orbit")]
+        matplotlib.image.imsave(part, np.concatenate(views, axis=1))
 
 
 def check(path: str | Path | Course) -> Iterator[str]:

@@ -1,10 +1,11 @@
 """The ``minigolf`` command: play a hole, film a policy that does, or score it.
 
-Commands are imported when they run, so that ``--help`` is quick.
+A command's docstring is its help, and what it needs is imported when it runs, so that ``--help`` is quick.
 """
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,16 +14,18 @@ from typing import Annotated
 import tyro
 from tyro.extras import SubcommandApp
 
-app = SubcommandApp()
+from minigolf_env import __version__
 
 FAILED = 1
 """Exit code of a command that could not do what it was asked; tyro exits with 2 on a wrong command line."""
 
 NO_DISPLAY = 2
-"""Exit code of a game without a screen."""
+"""Exit code of a command that cannot draw here."""
+
+INTERRUPTED = 130
+"""Exit code after Ctrl-C, as shells have it."""
 
 
-@app.command
 def play(
     course: str = "dogleg",
     opponent: str | None = None,
@@ -31,6 +34,10 @@ def play(
     log: bool = False,
 ) -> None:
     """Play minigolf with the mouse or the keyboard.
+
+    $ minigolf play
+    $ minigolf play --course round --opponent ppo
+    $ minigolf play --course my_hole.toml
 
     Args:
         course: a hole, "round" for the nine of a round, or "room" to throw a ball in three dimensions.
@@ -44,7 +51,6 @@ def play(
     run(course, opponent=opponent, size=size, profile=profile, log=log)
 
 
-@app.command
 def video(
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"])] = Path("putt.mp4"),
     course: str = "dogleg",
@@ -57,6 +63,10 @@ def video(
     profile: str = "high",
 ) -> None:
     """Film a policy that plays a hole, or a round.
+
+    $ minigolf video -o putt.mp4
+    $ minigolf video --policy ppo --camera top --size 1280 720
+    $ minigolf video --course round --episodes 9 -o round.mp4
 
     Args:
         output: the file to write, .mp4 or .gif.
@@ -74,9 +84,11 @@ def video(
     film(output, course, policy, episodes=episodes, seed=seed, camera=camera, size=size, fps=fps, profile=profile)
 
 
-@app.command
 def courses(pictures: Path | None = None) -> None:
     """List the bundled courses: par, size, triangles, and what makes them fun.
+
+    $ minigolf courses
+    $ minigolf courses --pictures pictures
 
     Args:
         pictures: a folder to write a picture of each to, and all of them on one sheet, courses.png.
@@ -88,9 +100,11 @@ def courses(pictures: Path | None = None) -> None:
         print(f"wrote {write_pictures(pictures)}")
 
 
-@app.command
 def check(file: Annotated[str, tyro.conf.Positional], preview: Path | None = None) -> None:
     """Say what is wrong with a hole of your own; exit with 0 if nothing is, else with 1.
+
+    $ minigolf check my_hole.toml
+    $ minigolf check my_hole.glb --preview my_hole.png
 
     Args:
         file: a .toml or .glb file, or a bundled course's name.
@@ -115,7 +129,6 @@ def check(file: Annotated[str, tyro.conf.Positional], preview: Path | None = Non
     print(f"{course.name}: nothing is wrong.")
 
 
-@app.command(name="map")
 def map_(
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"])] = Path("map.png"),
     course: str = "dogleg",
@@ -124,6 +137,10 @@ def map_(
     speeds: int = 140,
 ) -> None:
     """Draw where putts in every direction and at every speed end, and which hole out.
+
+    $ minigolf map
+    $ minigolf map --course volcano --tee 0.3,0.6 -o volcano.png
+    $ minigolf map --course my_hole.toml --directions 1440 --speeds 280
 
     Args:
         output: the picture to write.
@@ -139,7 +156,6 @@ def map_(
     print(f"wrote {output}: {putts.outcome.result.size:,} putts, {putts.outcome.holed.sum():,} holes in one")
 
 
-@app.command
 def evaluate(
     policy: str = "search",
     course: str = "dogleg",
@@ -152,6 +168,10 @@ def evaluate(
     json: Path | None = None,
 ) -> None:
     """Score a policy on a hole or on levels: strokes over fixed seeds, with confidence intervals.
+
+    $ minigolf evaluate --policy ppo
+    $ minigolf evaluate --policy runs/dogleg-1/best.zip --episodes 1000 --json score.json
+    $ minigolf evaluate --policy search --course procedural --difficulty medium --watch
 
     Args:
         policy: "search", "random", "ppo" or a model's .zip or .npz file.
@@ -167,8 +187,11 @@ def evaluate(
     from dataclasses import asdict
 
     from minigolf_env import evaluation, scoring
+    from minigolf_env.files import check_output
     from minigolf_env.policies import load_policy
 
+    if json is not None:
+        check_output(json)
     score = evaluation.evaluate(
         load_policy(policy, first_seed),
         policy,
@@ -185,7 +208,6 @@ def evaluate(
         scoring.write_record(json, **asdict(score))
 
 
-@app.command
 def benchmark(
     policy: str = "search",
     difficulty: tuple[str, ...] = ("easy", "medium", "hard"),
@@ -195,6 +217,9 @@ def benchmark(
     json: Path | None = None,
 ) -> None:
     """Score a policy on fixed training levels and on levels held out, beside search.
+
+    $ minigolf benchmark --policy random --difficulty easy --levels 20
+    $ minigolf benchmark --policy runs/procedural-1/best.zip --json scores.json
 
     Args:
         policy: "search", "random", "ppo" or a model's .zip or .npz file.
@@ -207,12 +232,24 @@ def benchmark(
     from dataclasses import asdict
 
     from minigolf_env import scoring
+    from minigolf_env.files import check_output
 
+    if json is not None:
+        check_output(json)
     scores = list(scoring.benchmark(policy, difficulty, levels, max_strokes, seed))
     scoring.print_benchmark(policy, scores)
     if json is not None:
         settings = {"max_strokes": max_strokes, "seed": seed}
         scoring.write_record(json, policy=policy, settings=settings, sets=[asdict(score) for score in scores])
+
+
+COMMANDS = (play, video, courses, check, map_, evaluate, benchmark)
+
+DESCRIPTION = """Play minigolf, film a policy that does, or score it.
+
+- Examples: minigolf play --help, and so on.
+- Completion: minigolf --tyro-write-completion {bash,zsh,tcsh} FILE
+- Exit codes: 0 done; 1 failed; 2 a wrong command line, or nowhere to draw."""
 
 
 def _place(text: str) -> tuple[float, float]:
@@ -225,16 +262,35 @@ def _place(text: str) -> tuple[float, float]:
 
 def main(args: Sequence[str] | None = None) -> None:
     """Run the command line, or the given arguments; a user's mistake is one line on stderr."""
-    from minigolf_env.rendering import RenderingError
-
+    words = list(sys.argv[1:] if args is None else args)
+    if words == ["--version"]:
+        print(f"minigolf_env {__version__}")
+        return
     try:
-        app.cli(args=args, prog="minigolf", description="Play minigolf, film a policy that does, or score it.")
-    except RenderingError as error:
-        sys.exit(_say(error, NO_DISPLAY))
+        _app(words[:1]).cli(args=words, prog="minigolf", description=DESCRIPTION)
+        sys.stdout.flush()
+    except BrokenPipeError:  # Whoever read the output has seen enough: `minigolf courses | head -3`.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except (ValueError, OSError, ImportError) as error:
         sys.exit(_say(error, FAILED))
+    except RuntimeError as error:
+        from minigolf_env.rendering import RenderingError
+
+        if not isinstance(error, RenderingError):
+            raise
+        sys.exit(_say(error, NO_DISPLAY))
     except KeyboardInterrupt:
-        sys.exit(130)
+        sys.exit(INTERRUPTED)
+
+
+def _app(asked: Sequence[str]) -> SubcommandApp:
+    """Return the commands: one that is asked for with all of its help, the others with a line of it."""
+    app = SubcommandApp()
+    for command in COMMANDS:
+        name = command.__name__.rstrip("_")
+        summary = None if name in asked else str(command.__doc__).splitlines()[0]
+        app.command(name=name, help=summary)(command)
+    return app
 
 
 def _say(error: Exception, code: int) -> int:

@@ -13,6 +13,7 @@ from tqdm import tqdm
 from minigolf_env.courses import Course, load_course
 from minigolf_env.envs.options import check_lie, make_task
 from minigolf_env.envs.task import Outcome, Result
+from minigolf_env.files import writing
 from minigolf_env.physics.checks import one_of
 
 if TYPE_CHECKING:
@@ -82,7 +83,7 @@ def simulate(
     turn, share = (grid.ravel() for grid in np.meshgrid(np.radians(degrees), shares, indexing="ij"))
     velocities = task.launch(np.c_[share * np.cos(turn), share * np.sin(turn)])
     done = []
-    with tqdm(total=len(velocities), unit=" putts", disable=not progress) as bar:
+    with tqdm(total=len(velocities), unit=" putts", disable=None if progress else True) as bar:
         for first in range(0, len(velocities), CHUNK):
             some = velocities[first : first + CHUNK]
             done.append(task.play(np.tile(start, (len(some), 1)), some))
@@ -156,15 +157,16 @@ def write_map(
 
     Raises:
         ValueError: matplotlib writes no such pictures; nothing was simulated then.
+        OSError: the file cannot be written; nothing was simulated then.
     """
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(13.0, 5.0), layout="constrained")
     one_of(output.suffix[1:].lower(), tuple(figure.canvas.get_supported_filetypes()), "output: the file's ending")
-    putts = simulate(course, tee, directions, speeds, progress)
-    left, right = figure.subplots(1, 2, width_ratios=(2.2, 1.0))
-    draw_map(left, load_course(course), putts)
-    draw_polar(right, putts)
-    output.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(output, dpi=90)
+    with writing(output) as part:
+        putts = simulate(course, tee, directions, speeds, progress)
+        left, right = figure.subplots(1, 2, width_ratios=(2.2, 1.0))
+        draw_map(left, load_course(course), putts)
+        draw_polar(right, putts)
+        figure.savefig(part, dpi=90)
     return putts

@@ -50,12 +50,17 @@ class RandomPolicy:
     """Plays putts drawn uniformly from the disc of all putts, reproducibly.
 
     Args:
-        seed: of the policy's own random numbers.
+        seed: of the policy's own random numbers, at least 0.
+
+    Raises:
+        ValueError: the seed is below 0.
     """
 
     observation = "state"
 
     def __init__(self, seed: int = 0) -> None:
+        if seed < 0:
+            raise ValueError(f"seed: expected at least 0, received {seed}.")
         self._rng = np.random.default_rng(seed)
 
     def act(self, observation: NDArray[Any], env: MiniGolfEnv) -> Action:

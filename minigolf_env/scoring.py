@@ -19,6 +19,7 @@ from tqdm import tqdm
 from minigolf_env import __version__
 from minigolf_env.courses.procedural import DIFFICULTIES, GENERATOR, PROCEDURAL
 from minigolf_env.envs import MiniGolfEnv, MiniGolfVectorEnv
+from minigolf_env.files import write_text
 from minigolf_env.physics.checks import one_of
 from minigolf_env.planning import search
 from minigolf_env.policies import BatchPolicy, Policy, load_policy
@@ -161,7 +162,7 @@ def benchmark(
             policy = load_policy(name, seed)  # Anew: a set's score does not depend on what was scored before it.
             played, reference = [], []
             numbers = range(first, first + levels)
-            for level in tqdm(numbers, f"{difficulty}, {what}", leave=False):
+            for level in tqdm(numbers, f"{difficulty}, {what}", leave=False, disable=None):
                 env.reset(options={"level": level})
                 reference.append(strokes_of_search(env))
                 if not isinstance(policy, BatchPolicy):
@@ -198,10 +199,8 @@ def write_record(path: Path, *libraries: str, **record: Any) -> None:
     """
     versions = {name: metadata.version(name) for name in ("gymnasium", "numpy", "numba", *libraries)}
     versions |= {"minigolf_env": __version__, "levels": str(GENERATOR), "python": platform.python_version()}
-    beside = path.with_name(f".{path.name}")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    beside.write_text(json.dumps(_finite({**record, "versions": versions}), indent=2, allow_nan=False) + "\n")
-    beside.replace(path)
+    text = json.dumps(_finite({**record, "versions": versions}), indent=2, allow_nan=False)
+    write_text(path, text + "\n")
 
 
 def _finite(value: Any) -> Any:

@@ -16,9 +16,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-import torch
 
 from minigolf_env.network import LARGEST, Layer, Network, read_network
+
+torch = pytest.importorskip("torch", reason="reading and writing .zip files needs torch")
 
 OBSERVATIONS = np.random.default_rng(0).uniform(-1.0, 1.0, (100, 10)).astype(np.float32)
 

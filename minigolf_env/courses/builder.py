@@ -17,6 +17,7 @@ from typing import Any
 from minigolf_env.courses.course import Course, Point2, Point3
 from minigolf_env.courses.description import CourseFile
 from minigolf_env.courses.files import build_course, describe_data, to_toml
+from minigolf_env.files import write_text
 
 
 class Hole:
@@ -66,9 +67,10 @@ class Hole:
         return build_course(self.description(), folder)
 
     def save(self, path: str | Path) -> None:
-        """Write a course file.
+        """Write a course file, and its folder.
 
         Raises:
             CourseError: a field is not what it should be.
+            OSError: the file cannot be written.
         """
-        Path(path).write_text(to_toml(self.description()), encoding="utf-8")
+        write_text(path, to_toml(self.description()))

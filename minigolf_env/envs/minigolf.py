@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Unpack
 
 import gymnasium as gym
 import numpy as np
@@ -10,7 +10,7 @@ from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
 from minigolf_env.courses import Course
-from minigolf_env.envs.options import check_actions, check_lie, make_setup, require_lie
+from minigolf_env.envs.options import Options, check_actions, check_lie, make_setup, require_lie
 from minigolf_env.envs.state import number_of, read_state, state_of
 from minigolf_env.envs.task import FloatArray, Outcome, Result, action_space
 from minigolf_env.rendering import FPS, RENDER_MODES, Screen, Stage
@@ -116,7 +116,7 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
         self,
         course: str | Course = "dogleg",
         render_mode: str | None = None,
-        **options: Any,
+        **options: Unpack[Options],
     ) -> None:
         self._tasks, self._observer, settings = make_setup(course, RENDER_MODES, render_mode, **options)
         self.task = self._tasks.first()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Unpack
 
 import gymnasium as gym
 import numpy as np
@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from minigolf_env.courses import Course
 from minigolf_env.envs.attributes import Attributes, Observations
-from minigolf_env.envs.options import check_actions, check_autoreset, check_mask, make_setup, one_each
+from minigolf_env.envs.options import Options, check_actions, check_autoreset, check_mask, make_setup, one_each
 from minigolf_env.envs.state import check_lies, naming_state, read_state, state_of
 from minigolf_env.envs.task import FloatArray, Game, Outcome, Result, Task, action_space, of_rows, together
 from minigolf_env.rendering import FPS, Screen, Stage
@@ -66,7 +66,7 @@ class MiniGolfVectorEnv(Attributes):
         render_mode: str | None = None,
         *,
         autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
-        **options: Any,
+        **options: Unpack[Options],
     ) -> None:
         if type(num_envs) is not int or num_envs < 1:
             raise ValueError(f"num_envs: expected an integer >= 1, received {num_envs!r}.")

@@ -6,7 +6,7 @@ import functools
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypedDict
 
 import numpy as np
 from gymnasium.vector import AutoresetMode
@@ -20,7 +20,7 @@ from minigolf_env.envs.levels import Levels, OneHole, Round, Tasks
 from minigolf_env.envs.observations import OBSERVERS, Observer
 from minigolf_env.envs.task import REWARDS, FloatArray, Task
 from minigolf_env.physics import World
-from minigolf_env.physics.checks import finite_array, one_of, positive_number
+from minigolf_env.physics.checks import finite_array, not_one_of, one_of, positive_number
 from minigolf_env.physics.world import IMPACTS
 from minigolf_env.rendering import CAMERAS, PROFILES, Settings, check_size
 
@@ -29,6 +29,27 @@ TEES = ("random", "fixed")
 NOISE = "give the standard deviations of direction (degrees) and speed (share of it)."
 LIE = "give the ball's centre, m."
 PUTT = "a putt is a vector x, y; its length, up to 1, is the share of the top speed."
+
+
+class Options(TypedDict, total=False):
+    """Further arguments of an environment; MiniGolfEnv's docstring says what they mean."""
+
+    observation: str
+    render_size: tuple[int, int]
+    camera: str
+    render_profile: str
+    render_speed: float
+    difficulty: str | None
+    start_level: int | None
+    num_levels: int | None
+    reward: str
+    max_strokes: int
+    tee: str
+    top_speed: float | None
+    cup_radius: float | None
+    putt_noise: tuple[float, float]
+    dt: float
+    impact: str
 
 
 class Setup(NamedTuple):
@@ -58,6 +79,9 @@ def make_setup(
         TypeError: there is no such argument.
         ValueError: an argument is not what it should be.
     """
+    names = ("course", "render_mode", *Options.__annotations__)
+    for name in rules.keys() - set(names):
+        raise TypeError(not_one_of(name, names, "argument"))
     if render_mode is not None:
         one_of(render_mode, render_modes, "render_mode")
     settings = Settings(

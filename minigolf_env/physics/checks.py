@@ -47,6 +47,11 @@ def one_of(value: Any, known: Sequence[str], what: str) -> str:
     """Return a name that is known, or raise a ValueError that lists the names and guesses which was meant."""
     if isinstance(value, str) and value in known:
         return value
+    raise ValueError(not_one_of(value, known, what))
+
+
+def not_one_of(value: Any, known: Sequence[str], what: str) -> str:
+    """Return the message about an unknown name, with a guess which was meant."""
     close = difflib.get_close_matches(str(value), known, n=1)
     hint = f"; did you mean {close[0]!r}?" if close else "."
-    raise ValueError(f"{what}: expected one of {', '.join(map(repr, known))}, received {str(value)!r}{hint}")
+    return f"{what}: expected one of {', '.join(map(repr, known))}, received {str(value)!r}{hint}"

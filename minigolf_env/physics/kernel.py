@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import sys
 import threading
 from collections.abc import Callable, Iterator
@@ -72,8 +73,7 @@ def announced_compilation(use: str) -> Iterator[None]:
     if use in _ready:
         yield
         return
-    message = "minigolf_env: compiling the physics, once after each installation (about 15 s) ...\n"
-    timer = threading.Timer(SILENCE, sys.stderr.write, [message])
+    timer = threading.Timer(SILENCE, _say)
     timer.daemon = True
     timer.start()
     try:
@@ -81,3 +81,9 @@ def announced_compilation(use: str) -> Iterator[None]:
         _ready.add(use)
     finally:
         timer.cancel()
+
+
+@functools.cache
+def _say() -> None:
+    """Tell the user, once a process."""
+    print("minigolf_env: compiling the physics, once after each installation (about 15 s) ...", file=sys.stderr)

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import json
-import os
 import sys
-import tempfile
 from pathlib import Path
 from typing import NamedTuple
+
+from minigolf_env.files import write_text
 
 VERSION = 1
 """Of the file's form."""
@@ -135,15 +135,7 @@ class BestScores:
 
     def _write(self) -> None:
         try:
-            self._path.parent.mkdir(parents=True, exist_ok=True)
-            handle, name = tempfile.mkstemp(dir=self._path.parent, prefix=self._path.name)
-            try:
-                with os.fdopen(handle, "w", encoding="utf-8") as file:
-                    json.dump({"version": VERSION, "best": self.best}, file, indent=1)
-                Path(name).replace(self._path)
-            except BaseException:
-                Path(name).unlink(missing_ok=True)
-                raise
+            write_text(self._path, json.dumps({"version": VERSION, "best": self.best}, indent=1))
         except OSError as error:
             self._warn(f"the best scores cannot be kept: {error}; make {self._path.parent} writable.")
 

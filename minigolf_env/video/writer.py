@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import subprocess
 import tempfile
-import uuid
 import weakref
 from pathlib import Path
 from types import TracebackType
@@ -16,6 +14,7 @@ import imageio_ffmpeg
 import numpy as np
 from numpy.typing import NDArray
 
+from minigolf_env.files import check_output, create_beside, publish
 from minigolf_env.physics.checks import one_of
 from minigolf_env.rendering import check_size
 
@@ -57,7 +56,7 @@ class Writer:
     last is there, 4 bytes a pixel, since its palette is made of all.
 
     Args:
-        path: the file, in a folder that exists.
+        path: the file; its folder is made.
         size: width and height of the pictures, pixels. An .mp4 has even sides: odd ones grow by one.
         fps: pictures a second, a whole number; at most 50 for a .gif.
 
@@ -74,7 +73,7 @@ class Writer:
         """How many were added."""
         command = _command(self.size, self.fps, self.path.suffix.lower())
         with contextlib.ExitStack() as undo:
-            self._part = _create_beside(self.path)
+            self._part = create_beside(self.path)
             undo.callback(self._part.unlink, missing_ok=True)
             self._log: IO[bytes] = undo.enter_context(tempfile.TemporaryFile())
             self._ffmpeg = _start([*command, str(self._part)], self._log)
@@ -114,7 +113,7 @@ class Writer:
                 raise self._failure() from error
             if self._ffmpeg.wait() != 0:
                 raise self._failure()
-            self._part.replace(self.path)
+            publish(self._part, self.path)
         finally:
             self.discard()
 
@@ -147,17 +146,10 @@ NO_FFMPEG = "pip install --force-reinstall imageio-ffmpeg, or name one in the en
 
 def check_path(path: str | Path) -> Path:
     """Return where a video can be written, absolute, or raise a ValueError or OSError."""
-    path = Path(path).expanduser()
+    path = Path(path)
     if path.suffix.lower() not in ENDINGS:
         one_of(path.suffix.lower(), ENDINGS, f"{path}: the ending")
-    path = path.resolve()
-    if not path.parent.is_dir():
-        raise FileNotFoundError(f"{path}: there is no folder {path.parent}; make it first.")
-    if path.exists() and not path.is_file():
-        raise OSError(f"{path}: expected a file to replace or a new name, there is something else of that name.")
-    if not os.access(path.parent, os.W_OK | os.X_OK):
-        raise PermissionError(f"{path}: no permission to write in {path.parent}; choose another folder.")
-    return path
+    return check_output(path)
 
 
 def check_fps(fps: int, path: Path) -> int:
@@ -185,16 +177,6 @@ def _command(size: tuple[int, int], fps: int, ending: str) -> list[str]:
     source = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", "-r", str(fps), "-i", "-"]
     coding = [word.format(odd=odd) for word in MP4] if ending == ".mp4" else list(GIF)
     return [ffmpeg, "-hide_banner", "-loglevel", "error", "-y", *source, *coding]
-
-
-def _create_beside(path: Path) -> Path:
-    """Return a new empty file in the same folder, from where a rename is one step."""
-    part = path.with_name(f".{path.stem[:40]}-{uuid.uuid4().hex[:8]}{path.suffix}")
-    try:
-        part.touch(exist_ok=False)
-    except OSError as error:
-        raise OSError(f"{path}: cannot be written: {error}; choose another folder.") from error
-    return part
 
 
 def _start(command: list[str], log: IO[bytes]) -> subprocess.Popen[bytes]:

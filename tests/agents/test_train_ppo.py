@@ -29,7 +29,7 @@ def test_a_run_learns_saves_and_scores(tmp_path: Path) -> None:
     scores = train_ppo.main(dataclasses.replace(TINY, out=folder))
     assert [score.policy for score in scores] == ["random", "PPO"]
     assert PPO.load(folder / "checkpoint.zip").num_timesteps == TINY.putts
-    assert json.loads((folder / "scores.json").read_text())[1]["episodes"] == TINY.final_episodes
+    assert json.loads((folder / "scores.json").read_text())["scores"][1]["episodes"] == TINY.final_episodes
     assert {file.name for file in folder.iterdir()} >= {"best.zip", "args.json", "progress.json"}
     assert not [file for file in folder.iterdir() if file.name.startswith(".")], "half-written files"
     with pytest.raises(SystemExit, match="exists"):

@@ -14,7 +14,6 @@ import numpy as np
 import pytest
 from gymnasium.error import ResetNeeded
 from gymnasium.utils.env_checker import check_env
-from stable_baselines3.common.env_checker import check_env as sb3_check_env
 
 import minigolf_env  # noqa: F401 (registers the environment)
 from minigolf_env.envs import MiniGolfEnv, MiniGolfVectorEnv
@@ -56,7 +55,7 @@ def env() -> MiniGolfEnv:
 def test_both_environment_checkers_accept_it(reward: str) -> None:
     """Gymnasium's and stable-baselines3's checkers find nothing; a warning would be an error here."""
     check_env(gym.make("MiniGolf-v0", reward=reward).unwrapped, skip_render_check=True)  # There is no display.
-    sb3_check_env(gym.make("MiniGolf-v0", reward=reward))
+    pytest.importorskip("stable_baselines3.common.env_checker").check_env(gym.make("MiniGolf-v0", reward=reward))
 
 
 def test_a_fresh_process_can_make_it_by_module_name() -> None:
@@ -190,7 +189,7 @@ def test_unknown_arguments_are_type_errors(course: str) -> None:
             lambda **given: MiniGolfEnv(course, **given),
             lambda **given: MiniGolfVectorEnv(2, course, **given),
         ):
-            with pytest.raises(TypeError, match=f"unexpected keyword argument '{next(iter(options))}'"):
+            with pytest.raises(TypeError, match=f"argument: expected one of .*, received '{next(iter(options))}'"):
                 make(**options)
 
 

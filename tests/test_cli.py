@@ -1,0 +1,129 @@
+"""The command line: help with examples that work, exit codes, and no traceback for a user's mistake."""
+
+from __future__ import annotations
+
+import functools
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+import tyro
+
+from minigolf_env import __version__, cli
+
+NAMES = [command.__name__.rstrip("_") for command in cli.COMMANDS]
+
+HEAVY = ("matplotlib", "numba", "OpenGL", "pydantic", "pyglet", "shapely", "torch", "trimesh")
+"""Libraries that take long to import."""
+
+
+def examples(command: Callable[..., None]) -> list[list[str]]:
+    """Return the words of the examples in a command's help."""
+    lines = (line.strip() for line in str(command.__doc__).splitlines())
+    start = f"$ minigolf {command.__name__.rstrip('_')}"
+    return [line.removeprefix(start).split() for line in lines if line.startswith(start)]
+
+
+@pytest.mark.parametrize("command", cli.COMMANDS, ids=NAMES)
+def test_the_examples_of_a_command_are_understood(
+    command: Callable[..., None], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """They stand in its help, each on a line of its own, and give its arguments."""
+    name = command.__name__.rstrip("_")
+    shown = [["minigolf", name, *words] for words in examples(command)]
+    with pytest.raises(SystemExit) as caught:
+        cli.main([name, "--help"])
+    printed = [line.split()[1:] for line in capsys.readouterr().out.splitlines() if line.startswith("$ ")]
+    assert caught.value.code == 0 and printed == shown and len(shown) >= 2
+    called: list[dict[str, Any]] = []
+
+    @functools.wraps(command)
+    def note(**values: Any) -> None:
+        called.append(values)
+
+    for words in examples(command):
+        tyro.cli(note, args=words)
+    assert len(called) == len(shown)
+
+
+def test_the_list_of_commands_has_a_line_for_each() -> None:
+    """And takes no library that is slow to import."""
+    told = [f"{name!r} in sys.modules" for name in HEAVY]
+    program = (
+        "import sys\nfrom minigolf_env.cli import main\n"
+        f"try: main(['--help'])\nfinally: assert not ({' or '.join(told)}), sorted(sys.modules)"
+    )
+    got = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert (got.returncode, got.stderr) == (0, "")
+    assert all(f"• {name} " in got.stdout for name in NAMES) and "$ minigolf" not in got.stdout
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "message"),
+    [
+        ("", 2, "Missing subcommand"),
+        ("evaluat", 2, "Unrecognized options"),
+        ("map --directons 3", 2, "--directions"),
+        ("map --directions three", 2, "three"),
+        ("map --directions 0", 1, "directions and speeds >= 1"),
+        ("map -o map.tex", 1, "the file's ending"),
+        ("evaluate --course dogleq", 1, "did you mean 'dogleg'"),
+        ("evaluate --policy pp0", 1, "did you mean 'ppo'"),
+        ("evaluate --policy none.zip", 1, "none.zip"),
+        ("evaluate --policy random --first-seed -5", 1, "seed"),
+        ("evaluate --policy random --json /dev/null/score.json", 1, "choose another folder"),
+        ("benchmark --json /dev/null/score.json", 1, "choose another folder"),
+        ("benchmark --levels 0", 1, "levels"),
+        ("check none.toml", 1, "none.toml"),
+        ("check dogleg --preview /dev/null/a.png", 1, "choose another folder"),
+        ("courses --pictures /dev/null/pictures", 1, "/dev/null/pictures"),
+        ("video --seed -1", 1, "seed"),
+        ("video -o a.avi", 1, "'.mp4'"),
+    ],
+)
+def test_a_mistake_is_told_without_a_traceback(
+    words: str, code: int, message: str, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: Any
+) -> None:
+    """1 is what could not be done, on one line; 2 a wrong command line. Nothing is left behind."""
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit) as caught:
+        cli.main(words.split())
+    said = capsys.readouterr().err.splitlines()
+    assert caught.value.code == code and not any("Traceback" in line for line in said)
+    assert message in (said[-1] if code == 1 else "\n".join(said))
+    assert not list(tmp_path.iterdir())
+
+
+def test_version_and_completion(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """As other commands have them; bash reads the script."""
+    cli.main(["--version"])
+    assert capsys.readouterr().out == f"minigolf_env {__version__}\n"
+    script = tmp_path / "minigolf.bash"
+    with pytest.raises(SystemExit) as caught:
+        cli.main(["--tyro-write-completion", "bash", str(script)])
+    assert not caught.value.code and "--directions" in script.read_text()
+    subprocess.run(["/bin/bash", "-n", script], check=True)
+
+
+def test_a_reader_that_has_seen_enough_is_no_error() -> None:
+    """``minigolf courses | head -1``."""
+    command = [sys.executable, "-m", "minigolf_env.cli", "courses"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None and process.stderr is not None
+        process.stdout.close()
+        assert (process.stderr.read(), process.wait()) == ("", 0)
+
+
+def test_a_bug_is_not_hidden(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is not the user's mistake keeps its traceback."""
+
+    def broken() -> None:
+        """Fail."""
+        raise RuntimeError("a bug")
+
+    monkeypatch.setattr(cli, "COMMANDS", (broken, cli.courses))
+    with pytest.raises(RuntimeError, match="a bug"):
+        cli.main(["broken"])
