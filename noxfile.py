@@ -5,6 +5,7 @@ A Python that this machine lacks is left out; those of pyenv are found after ``p
 
 from __future__ import annotations
 
+import functools
 import shutil
 from pathlib import Path
 
@@ -45,3 +46,37 @@ def package(session: nox.Session, kind: str) -> None:
     session.chdir(folder)
     session.run("minigolf", "evaluate", "--policy", "ppo", "--episodes", "10")
     session.run("pytest", *WITHOUT_LEARNING, *session.posargs)
+
+
+@nox.session(python="3.11")
+def reproducible(session: nox.Session) -> None:
+    """Build the wheel twice, from two places, at two times: the same bytes."""
+    session.install("build")
+    folder = Path(session.create_tmp()).resolve()
+    wheels = []
+    for place in ("here", "there"):
+        shutil.rmtree(folder / place, ignore_errors=True)
+        session.run("git", "clone", "--quiet", ".", str(folder / place), external=True)
+        session.run("python", "-m", "build", "--wheel", "--outdir", str(folder / place / "dist"), str(folder / place))
+        wheels += (folder / place / "dist").iterdir()
+    first, second = (path.read_bytes() for path in wheels)
+    if first != second:
+        session.error(f"{wheels[0]} and {wheels[1]} differ.")
+    session.log(f"{wheels[0].name}: {len(first):,} bytes, the same twice")
+
+
+@nox.session(python="3.11", default=False)
+def supply(session: nox.Session) -> None:
+    """Write anew what says where everything comes from; after every change of constraints.txt."""
+    session.install("--constraint", "constraints.txt", "--editable", ".[agents,dev]")
+    session.run("python", "-m", "venv", "--clear", tools := str(Path(session.create_tmp()).resolve() / "tools"))
+    run = functools.partial(session.run, external=True)
+    run(f"{tools}/bin/pip", "install", "--quiet", "uv", "pip-licenses", "cyclonedx-bom")
+    where = ["--constraint", "constraints.txt", "--extra", "agents", "--extra", "dev", "pyproject.toml"]
+    how = ["--quiet", "--universal", "--generate-hashes", "--no-emit-index-url", "--no-header", "--no-annotate"]
+    run(f"{tools}/bin/uv", "pip", "compile", *how, *where, "--output-file", "requirements.lock")
+    bom = ["--output-reproducible", "--pyproject", "pyproject.toml", "--mc-type", "library", "--short-PURLs"]
+    run(f"{tools}/bin/cyclonedx-py", "environment", *bom, "--output-file", "sbom.cdx.json", session.virtualenv.location)
+    table = ["--format", "markdown", "--from", "mixed", "--ignore-packages", "minigolf-env", "pip", "setuptools"]
+    python = str(Path(session.bin) / "python")
+    run(f"{tools}/bin/pip-licenses", "--python", python, *table, "--output-file", "docs/licences.md")
