@@ -41,7 +41,8 @@ def package(session: nox.Session, kind: str) -> None:
     session.install("--constraint", "constraints.txt", "--force-reinstall", f"{built}[dev]")
     for name in ("tests", "agents", "docs", "benchmarks"):
         shutil.copytree(name, folder / name, dirs_exist_ok=True)
-    for name in ("pyproject.toml", "README.md", "CHANGELOG.md", *PINS.values()):
+    pages = ("README.md", "CHANGELOG.md", "CITATION.cff", "CONTRIBUTING.md", "mkdocs.yml")
+    for name in ("pyproject.toml", "Makefile", *pages, *PINS.values()):
         shutil.copy(name, folder)
     session.chdir(folder)
     session.run("minigolf", "evaluate", "--policy", "ppo", "--episodes", "10")

@@ -64,6 +64,8 @@ def test_python_blocks_run(page: Path, request: pytest.FixtureRequest, tmp_path:
     for block in blocks(page, "python"):
         if "render" in block.code:
             request.getfixturevalue("gl")
+        if "stable_baselines3" in block.code:
+            pytest.importorskip("stable_baselines3")
         code = compile("\n" * block.line + block.code, str(page), "exec")
         if block.is_run:
             exec(code, namespace)  # noqa: S102 (our own pages)
@@ -94,14 +96,17 @@ def understand(words: list[str], is_named: bool = False) -> None:
         words = words[words.index("minigolf") :]
     program, arguments = re.sub(r"^\.venv[\w-]*/bin/", "", words[0]), [word for word in words[1:] if word != "--help"]
     if program == "minigolf":
-        if arguments:
-            command = getattr(cli, {"map": "map_"}.get(arguments[0], arguments[0]))
-            if arguments[1:] or not is_named:
-                tyro.cli(functools.wraps(command)(lambda **_: None), args=arguments[1:])
+        commands = {command.__name__.rstrip("_"): command for command in cli.COMMANDS}
+        if not arguments or arguments[0] in ("--version", "--tyro-write-completion"):
+            return
+        assert arguments[0] in commands, words
+        if arguments[1:] or not is_named:
+            tyro.cli(functools.wraps(commands[arguments[0]])(lambda **_: None), args=arguments[1:])
     elif program.startswith("python") and arguments[:2] in (["-m", "venv"], ["-m", "pytest"]):
         pass
     elif program == "python":
         assert arguments[0] == "-m", words
+        pytest.importorskip("stable_baselines3")
         module = importlib.import_module(arguments[1])
         if hasattr(module, "Args"):
             tyro.cli(module.Args, args=arguments[2:])
