@@ -1,4 +1,4 @@
-"""Shows commands as the command line does: examples as code, and what an argument is, without Annotated[X, ...] around."""
+"""Shows commands as the command line does: examples as code, and what an argument is without Annotated[X, ...]."""
 
 from __future__ import annotations
 
