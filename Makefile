@@ -15,7 +15,7 @@ INSTALLED_DOCS := $(VENV)/.installed-docs
 INSTALLED_DISTRIBUTED := $(VENV_DISTRIBUTED)/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help train test test-all test-distributed soak mutants bench docs lint check format clean
+.PHONY: help train test test-all test-distributed soak endurance mutants bench docs lint check format clean
 
 help: ## list the commands
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "make %-16s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -40,6 +40,9 @@ test-all: $(INSTALLED) ## run the tests with each Python and Gymnasium, on wheel
 
 soak: $(INSTALLED) ## look at every one of 10^8 steps in random rooms (minutes)
 	$(BIN)/python -m tests.soak $(ARGS)
+
+endurance: $(INSTALLED) ## does the package tire of 10^7 putts and 10,000 environments? (half an hour)
+	$(BIN)/python -m tests.endurance $(ARGS)
 
 mutants: $(INSTALLED) ## break the physics in many ways: do the tests notice? (twenty minutes)
 	$(BIN)/python -m tests.mutations $(ARGS)

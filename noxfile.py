@@ -69,11 +69,12 @@ def reproducible(session: nox.Session) -> None:
 @nox.session(python="3.11", default=False)
 def supply(session: nox.Session) -> None:
     """Write anew what says where everything comes from; after every change of constraints.txt."""
-    session.install("--constraint", "constraints.txt", "--editable", ".[agents,dev]")
+    session.install("--constraint", "constraints.txt", "--editable", ".[agents,dev,docs]")
     session.run("python", "-m", "venv", "--clear", tools := str(Path(session.create_tmp()).resolve() / "tools"))
     run = functools.partial(session.run, external=True)
     run(f"{tools}/bin/pip", "install", "--quiet", "uv", "pip-licenses", "cyclonedx-bom")
-    where = ["--constraint", "constraints.txt", "--extra", "agents", "--extra", "dev", "pyproject.toml"]
+    extras = [word for extra in ("agents", "dev", "docs") for word in ("--extra", extra)]
+    where = ["--constraint", "constraints.txt", *extras, "pyproject.toml"]
     how = ["--quiet", "--universal", "--generate-hashes", "--no-emit-index-url", "--no-header", "--no-annotate"]
     run(f"{tools}/bin/uv", "pip", "compile", *how, *where, "--output-file", "requirements.lock")
     bom = ["--output-reproducible", "--pyproject", "pyproject.toml", "--mc-type", "library", "--short-PURLs"]

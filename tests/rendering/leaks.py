@@ -1,6 +1,6 @@
 """Does drawing leak? ``python -m tests.rendering.leaks``: 2,000 environments and 10,000 pictures, a minute.
 
-Prints how many megabytes and file descriptors the process gained after the first tenth.
+Prints how many megabytes, file descriptors and threads the process gained after the first tenth.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ class Growth(NamedTuple):
 
     megabytes: float
     descriptors: int
+    threads: int
 
 
 def growth(act: Callable[[int], None], times: int) -> Growth:
@@ -27,10 +28,10 @@ def growth(act: Callable[[int], None], times: int) -> Growth:
     warm = times // 10
     for k in range(warm):
         act(k)
-    before = _megabytes(), _descriptors()
+    before = _megabytes(), _count("fd"), _count("task")
     for k in range(warm, times):
         act(k)
-    return Growth(_megabytes() - before[0], _descriptors() - before[1])
+    return Growth(_megabytes() - before[0], _count("fd") - before[1], _count("task") - before[2])
 
 
 def environments(times: int) -> Growth:
@@ -70,8 +71,8 @@ def _megabytes() -> float:
     return int(status[1]) * os.sysconf("SC_PAGE_SIZE") / 2**20
 
 
-def _descriptors() -> int:
-    return len(list(Path("/proc/self/fd").iterdir()))
+def _count(what: str) -> int:
+    return len(list((Path("/proc/self") / what).iterdir()))
 
 
 if __name__ == "__main__":
