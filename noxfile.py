@@ -41,7 +41,7 @@ def package(session: nox.Session, kind: str) -> None:
     session.install("--constraint", "constraints.txt", "--force-reinstall", f"{built}[dev]")
     for name in ("tests", "agents", "docs", "benchmarks"):
         shutil.copytree(name, folder / name, dirs_exist_ok=True)
-    pages = ("README.md", "CHANGELOG.md", "CITATION.cff", "CONTRIBUTING.md", "mkdocs.yml")
+    pages = ("README.md", "CHANGELOG.md", "CITATION.cff", "CONTRIBUTING.md", "SECURITY.md", "mkdocs.yml")
     for name in ("pyproject.toml", "Makefile", *pages, *PINS.values()):
         shutil.copy(name, folder)
     session.chdir(folder)

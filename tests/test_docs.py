@@ -27,6 +27,7 @@ from minigolf_env.envs import MiniGolfEnv, MiniGolfVectorEnv, options
 from tests.markdown import PAGES, ROOT, anchors, blocks, inline, links, name, tokens
 
 DOCS = ROOT / "docs"
+PACKAGE = Path(minigolf_env.__file__).parent  # Installed, it is not beside the pages.
 COURSES, ENVIRONMENT = DOCS / "courses.md", DOCS / "environment.md"
 
 PACKAGES = ("envs", "physics", "courses", "wrappers", "video")
@@ -52,6 +53,8 @@ def test_links_lead_somewhere(page: Path) -> None:
             assert scheme in ("http", "https") and host, link
             continue
         target = (page.parent / path).resolve() if path else page
+        if PACKAGE.name in target.relative_to(ROOT).parts[:1]:
+            target = PACKAGE / target.relative_to(ROOT / PACKAGE.name)
         assert target.exists(), f"{link}: there is no {target}"
         assert not anchor or anchor in anchors(target), f"{link}: {sorted(anchors(target))}"
 
