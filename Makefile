@@ -11,10 +11,11 @@ ARGS ?=
 
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
+INSTALLED_DOCS := $(VENV)/.installed-docs
 INSTALLED_DISTRIBUTED := $(VENV_DISTRIBUTED)/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help train test test-all test-distributed soak endurance mutants bench notebooks lint check format clean
+.PHONY: help train test test-all test-distributed soak endurance mutants bench docs notebooks lint check format clean
 
 help: ## list the commands
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "make %-16s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -46,6 +47,9 @@ endurance: $(INSTALLED) ## does the package tire of 10^7 putts and 10,000 enviro
 mutants: $(INSTALLED) ## break the physics in many ways: do the tests notice? (twenty minutes)
 	$(BIN)/python -m tests.mutations $(ARGS)
 
+docs: $(INSTALLED_DOCS) ## build the documentation: build/docs/index.html
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build
+
 notebooks: $(INSTALLED) ## run the notebooks and store what they show (five minutes)
 	$(BIN)/python -m notebooks.execute $(ARGS)
 
@@ -69,6 +73,11 @@ clean: ## remove the environment, caches and build products
 $(INSTALLED): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --constraint constraints.txt --editable ".[agents,dev]"
+	touch $@
+
+# Its tools are few beside the rest: they go into the same environment, for those who build it.
+$(INSTALLED_DOCS): $(INSTALLED)
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable ".[docs]"
 	touch $@
 
 $(INSTALLED_DISTRIBUTED): pyproject.toml constraints-distributed.txt

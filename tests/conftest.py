@@ -51,3 +51,9 @@ def display(gl: None) -> Iterator[str]:
     yield f":{number}"
     server.terminate()
     server.wait()
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, exitstatus: int) -> None:
+    """Say what to try next, before the closing line."""
+    if exitstatus == 0:
+        terminalreporter.write_line("Next: `make train` trains an agent, `minigolf play` is the game, docs/ says more.")

@@ -28,4 +28,4 @@ def test_the_typed_arguments_are_those_that_are_taken() -> None:
         taken |= {p.name for p in parameters if p.kind is p.KEYWORD_ONLY and p.default is not p.empty}
     assert taken == set(door.Options.__annotations__)
     told = str(inspect.getdoc(MiniGolfEnv))
-    assert all(f"\n{name}: " in told for name in taken)
+    assert all(f"\n    {name}: " in told for name in taken)

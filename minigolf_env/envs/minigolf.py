@@ -74,28 +74,31 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
     the last stroke, ``course`` (str), on levels ``level`` (int), and on a round ``hole`` (int), from 1 on. The par of
     what was played is ``minigolf_env.courses.par_of(info["course"])``.
 
-    ## Arguments
-    course: a name of ``minigolf_env.courses.list_courses()``; a course file; "round"; "procedural"; or a Course
-        with a cup.
-    difficulty: of the levels, "easy" (default), "medium" or "hard"; these three go with "procedural" only.
-    start_level: the first level of the set, 0 by default.
-    num_levels: levels in the set, 500 by default; 0: all there are, 2**31.
-    render_mode: None; "rgb_array": ``render()`` returns a picture (height, width, 3), uint8, of where the ball lies and
-        how it came there; "rgb_array_list": ``render()`` returns the pictures of all putts since the last call or the
-        reset, 30 a second; "human": ``step()`` shows the putt in a window, in real time.
-    render_size: width and height of the pictures or the window, pixels.
-    camera: "follow" (from behind the ball), "top", "tee" (from behind the tee), "orbit" (turning around the course).
-    render_profile: "high", with smooth edges; "fast"; or "auto": "high", but "fast" in a window drawn without a GPU.
-    render_speed: how much faster than real time the window shows a putt.
-    reward: "shaped" or "strokes".
-    observation: "state", "rays" or "pixels".
-    max_strokes: strokes after which an episode ends, at least 1.
-    tee: "random" or "fixed".
-    top_speed: launch speed of a full putt, m/s; None: the course's.
-    cup_radius: m; None: the course's.
-    putt_noise: standard deviations of a putt's direction (degrees) and speed (share of it), drawn from ``np_random``.
-    dt: time step of the physics, s.
-    impact: "average" or "conservative", see ``minigolf_env.physics.World``.
+    Args:
+        course: a name of ``minigolf_env.courses.list_courses()``; a course file; "round"; "procedural"; or a Course
+            with a cup.
+        difficulty: of the levels, "easy" (default), "medium" or "hard"; these three go with "procedural" only.
+        start_level: the first level of the set, 0 by default.
+        num_levels: levels in the set, 500 by default; 0: all there are, 2**31.
+        render_mode: None; "rgb_array": ``render()`` returns a picture (height, width, 3), uint8, of where the ball lies
+            and how it came there; "rgb_array_list": ``render()`` returns the pictures of all putts since the last call
+            or the reset, 30 a second; "human": ``step()`` shows the putt in a window, in real time.
+        render_size: width and height of the pictures or the window, pixels.
+        camera: "follow" (from behind the ball), "top", "tee" (from behind the tee), "orbit" (turning around the
+            course).
+        render_profile: "high", with smooth edges; "fast"; or "auto": "high", but "fast" in a window drawn without a
+            GPU.
+        render_speed: how much faster than real time the window shows a putt.
+        reward: "shaped" or "strokes".
+        observation: "state", "rays" or "pixels".
+        max_strokes: strokes after which an episode ends, at least 1.
+        tee: "random" or "fixed".
+        top_speed: launch speed of a full putt, m/s; None: the course's.
+        cup_radius: m; None: the course's.
+        putt_noise: standard deviations of a putt's direction (degrees) and speed (share of it), drawn from
+            ``np_random``.
+        dt: time step of the physics, s.
+        impact: "average" or "conservative", see ``minigolf_env.physics.World``.
 
     Raises:
         ValueError: an argument, action or state is not what it should be; nothing has changed then.

@@ -64,6 +64,7 @@ class Outcome(NamedTuple):
     time: FloatArray
     """How long the ball moved, s."""
     bounces: NDArray[np.int64]
+    """Impacts that did not become lasting contacts."""
 
     def reshape(self, *shape: int) -> Outcome:
         """Return the same strokes in another leading shape."""

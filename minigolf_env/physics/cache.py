@@ -18,19 +18,29 @@ from pathlib import Path
 from typing import Any
 
 import numba
-from numba.core.caching import CompileResultCacheImpl, NullCache
+from numba.core.caching import CompileResultCacheImpl, InTreeCacheLocator, NullCache
 from numba.core.serialize import dumps, loads
 
 DIGEST = 32
 """Bytes of a SHA-256 digest: a file starts with that of the rest, so that a damaged one is not run."""
+
+PACKAGES = {"site-packages", "dist-packages"}
+"""Names of folders that packages are installed to."""
+
+
+class _Installed(CompileResultCacheImpl):
+    """Keeps nothing beside the sources of an installed package: pip removes no more than it brought."""
+
+    _locator_classes = [*CompileResultCacheImpl._locator_classes]  # noqa: RUF012 (numba types it so)
+    _locator_classes.remove(InTreeCacheLocator)
 
 
 class KernelCache(NullCache):
     """The compiled code of one function, as numba's dispatchers load and save it.
 
     Every signature has a file of its own, named after all that the code depends on. Whoever writes it writes the same,
-    so writers need no order. The folder is the one numba would choose: NUMBA_CACHE_DIR, else ``__pycache__`` beside the
-    source, else the user's cache. Without a folder, or with a full disk, kernels work and a warning says so once.
+    so writers need no order. The folder is NUMBA_CACHE_DIR, else ``__pycache__`` beside the sources of a checkout, else
+    numba's in the user's cache. Without a folder, or with a full disk, kernels work and a warning says so once.
     """
 
     def __init__(self, function: Callable[..., Any]) -> None:
@@ -46,7 +56,8 @@ class KernelCache(NullCache):
             OSError: there is no folder that can be written to.
         """
         try:
-            return CompileResultCacheImpl(self._function)  # type: ignore[no-untyped-call]
+            installed = not PACKAGES.isdisjoint(Path(inspect.getfile(self._function)).parts)
+            return (_Installed if installed else CompileResultCacheImpl)(self._function)  # type: ignore[no-untyped-call]
         except RuntimeError as error:
             raise OSError(str(error)) from error
 

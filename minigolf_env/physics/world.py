@@ -41,7 +41,7 @@ def sweep_sphere(start: ArrayLike, end: ArrayLike, radius: float, triangles: Arr
     Args:
         start: (3,) the centre at the start, m.
         end: (3,) the centre at the end, m.
-        radius: > 0, m.
+        radius: m, > 0.
         triangles: (n, 3, 3) corners, m.
 
     Raises:
@@ -72,9 +72,9 @@ class World:
 
     Args:
         meshes: one or more TriangleMesh.
-        ball_radius: > 0, m.
+        ball_radius: m, > 0.
         gravity: (3,) m/s^2.
-        dt: > 0, the time step, s.
+        dt: the time step, s, > 0.
         impact: "average": the seed's response, with the average velocity over the path; "conservative": with the
             velocity at the collision, corrected so that an impact keeps energy exactly.
         bounds: (2, 3) lower and upper corner, m: a ball whose centre leaves them is out of bounds; None: no bounds.

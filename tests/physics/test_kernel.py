@@ -149,6 +149,16 @@ def test_numba_cache_dir_is_where_kernels_are_kept(toy: Path, tmp_path: Path) ->
     assert len(kept(tmp_path / "elsewhere")) == 2
 
 
+def test_an_installed_package_keeps_kernels_in_the_users_cache(toy: Path, tmp_path: Path) -> None:
+    """What pip did not bring it would not remove: an empty package would stay behind."""
+    for file in kept(toy):
+        file.unlink()
+    installed, home = Path(shutil.copytree(toy, tmp_path / "site-packages")), str(tmp_path / "home")
+    for hits in (0, 1):
+        assert run(installed, HOME=home, XDG_CACHE_HOME=home) == (6.0, hits)
+    assert not kept(installed) and len(kept(tmp_path / "home")) == 2
+
+
 def test_another_numba_falls_back_to_its_own_cache(toy: Path) -> None:
     """Where a numba lacks the names that the cache is made of, kernels are kept as numba keeps them."""
     code = "import numba.core.caching; del numba.core.caching.CompileResultCacheImpl"
