@@ -81,10 +81,19 @@ def supply(session: nox.Session) -> None:
     run(f"{tools}/bin/pip", "install", "--quiet", "uv", "pip-licenses", "cyclonedx-bom")
     extras = [word for extra in ("agents", "dev", "docs") for word in ("--extra", extra)]
     where = ["--constraint", "constraints.txt", *extras, "pyproject.toml"]
-    how = ["--quiet", "--universal", "--generate-hashes", "--no-emit-index-url", "--no-header", "--no-annotate"]
+    how = [
+        "--quiet",
+        "--universal",
+        "--python-version",
+        "3.11.5",
+        "--generate-hashes",
+        "--no-emit-index-url",
+        "--no-header",
+        "--no-annotate",
+    ]
     run(f"{tools}/bin/uv", "pip", "compile", *how, *where, "--output-file", "requirements.lock")
     bom = ["--output-reproducible", "--pyproject", "pyproject.toml", "--mc-type", "library", "--short-PURLs"]
     run(f"{tools}/bin/cyclonedx-py", "environment", *bom, "--output-file", "sbom.cdx.json", session.virtualenv.location)
-    table = ["--format", "markdown", "--from", "mixed", "--ignore-packages", "minigolf-env", "pip", "setuptools"]
+    table = ["--format", "markdown", "--from", "mixed", "--with-system", "--ignore-packages", "minigolf-env", "pip"]
     python = str(Path(session.bin) / "python")
     run(f"{tools}/bin/pip-licenses", "--python", python, *table, "--output-file", "docs/licences.md")
