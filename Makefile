@@ -15,7 +15,7 @@ INSTALLED_DOCS := $(VENV)/.installed-docs
 INSTALLED_DISTRIBUTED := $(VENV_DISTRIBUTED)/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help train test test-all test-distributed soak endurance mutants bench docs notebooks lint check format clean
+.PHONY: help train test test-all test-distributed soak endurance supply mutants bench docs notebooks lint check format clean
 
 help: ## list the commands
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "make %-16s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -41,6 +41,9 @@ test-all: $(INSTALLED) ## run the tests with each Python and Gymnasium, on wheel
 soak: $(INSTALLED) ## look at every one of 10^8 steps in random rooms (minutes)
 	$(BIN)/python -m tests.soak $(ARGS)
 
+supply: $(INSTALLED) ## write lock file, bill of materials and licences anew, after a change of constraints.txt
+	$(BIN)/nox -s supply
+
 endurance: $(INSTALLED) ## does the package tire of 10^7 putts and 10,000 environments? (half an hour)
 	$(BIN)/python -m tests.endurance $(ARGS)
 
@@ -59,7 +62,7 @@ lint: $(INSTALLED) ## check style, types and import rules
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-logo
 
-check: lint test ## lint, then test
+check: lint docs test ## what continuous integration runs: lint, build the pages, test
 
 format: $(INSTALLED) ## mend style and formatting
 	$(BIN)/ruff check --fix
@@ -67,7 +70,7 @@ format: $(INSTALLED) ## mend style and formatting
 
 clean: ## remove the environment, caches and build products
 	rm -rf $(VENV) $(VENV_DISTRIBUTED) .nox build dist *.egg-info .*_cache .hypothesis
-	find minigolf_env agents tests -name __pycache__ -prune -exec rm -rf {} +
+	find . -name __pycache__ -not -path './.*' -prune -exec rm -rf {} +
 
 # The stamp makes a second run install nothing; a changed requirement or pin installs again.
 $(INSTALLED): pyproject.toml constraints.txt

@@ -44,7 +44,7 @@ def package(session: nox.Session, kind: str) -> None:
     for name in ("tests", "agents", "docs", "benchmarks", "notebooks"):
         shutil.copytree(name, folder / name, dirs_exist_ok=True)
     pages = ("README.md", "CHANGELOG.md", "CITATION.cff", "CONTRIBUTING.md", "SECURITY.md", "mkdocs.yml")
-    for name in ("pyproject.toml", "Makefile", *pages, *PINS.values()):
+    for name in ("pyproject.toml", "Makefile", "requirements.lock", "sbom.cdx.json", *pages, *PINS.values()):
         shutil.copy(name, folder)
     session.chdir(folder)
     session.run("minigolf", "evaluate", "--policy", "ppo", "--episodes", "10")

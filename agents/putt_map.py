@@ -158,7 +158,8 @@ def draw(course: Course, merged: Arrays, path: Path) -> None:
     figure.colorbar(image, ax=axes, label="balls at rest in a cell")
     putts, holed = merged["counts"].sum(), merged["counts"][Result.HOLED]
     axes.set_title(f"{course.name}: {putts:,} putts, {holed / putts:.2%} of them holes in one")
-    figure.savefig(path, dpi=120)
+    with writing(path) as part:
+        figure.savefig(part, dpi=120)
 
 
 def main(args: Args) -> Arrays:

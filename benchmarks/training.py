@@ -73,7 +73,7 @@ def train(variant: str, seed: int, options: str) -> Result:
         subprocess.run(command, cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
         total = time.perf_counter() - began
         history = json.loads((folder / "progress.json").read_text())
-        closing = json.loads((folder / "scores.json").read_text())
+        closing = json.loads((folder / "scores.json").read_text())["scores"]
     return Result(total, closing[-1], history)
 
 

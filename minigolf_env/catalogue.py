@@ -15,6 +15,7 @@ from minigolf_env.courses import Course, CourseError, Cup, list_courses, load_co
 from minigolf_env.envs import MiniGolfEnv
 from minigolf_env.files import writing
 from minigolf_env.physics import World
+from minigolf_env.physics.checks import one_of
 from minigolf_env.planning import search
 from minigolf_env.rendering import still
 
@@ -90,18 +91,25 @@ def write_pictures(folder: Path) -> Path:
         if name is not None:
             course = load_course(name)
             shot = picture(course, "orbit")
-            matplotlib.image.imsave(folder / f"{name}.png", shot)
+            with writing(folder / f"{name}.png") as part:
+                matplotlib.image.imsave(part, shot)
             axes.imshow(shot)
             axes.set_title(name if course.par is None else f"{name}, par {course.par}", fontsize=16)
-    path = folder / "courses.png"
-    sheet.savefig(path, dpi=60)
-    return path
+    with writing(folder / "courses.png") as part:
+        sheet.savefig(part, dpi=60)
+    return folder / "courses.png"
 
 
 def write_preview(course: Course, path: Path) -> None:
-    """Write a picture of a course from behind the tee, from above and from a side, and its folder."""
+    """Write a picture of a course from behind the tee, from above and from a side, and its folder.
+
+    Raises:
+        ValueError: it is to be another file than .png, .jpg or .webp; nothing was drawn then.
+        OSError: it cannot be written.
+    """
     import matplotlib.image
 
+    one_of(path.suffix.lower(), (".png", ".jpg", ".webp"), "preview: the file's ending")
     with writing(path) as part:
         views = [picture(course, camera, (480, 480)) for camera in ("tee", "top", "orbit")]
         matplotlib.image.imsave(part, np.concatenate(views, axis=1))

@@ -248,6 +248,7 @@ COMMANDS = (play, video, courses, check, map_, evaluate, benchmark)
 DESCRIPTION = """Play minigolf, film a policy that does, or score it.
 
 - Examples: minigolf play --help, and so on.
+- Version: minigolf --version
 - Completion: minigolf --tyro-write-completion {bash,zsh,tcsh} FILE
 - Exit codes: 0 done; 1 failed; 2 a wrong command line, or nowhere to draw."""
 

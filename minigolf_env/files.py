@@ -24,10 +24,11 @@ def writing(path: str | Path) -> Iterator[Path]:
     Raises:
         OSError: it cannot be written; the block was not entered then.
     """
-    part = create_beside(check_output(path))
+    place = check_output(path)
+    part = create_beside(place)
     try:
         yield part
-        publish(part, check_output(path))
+        publish(part, place)
     finally:
         part.unlink(missing_ok=True)
 
@@ -43,23 +44,23 @@ def write_text(path: str | Path, text: str) -> None:
 
 
 def check_output(path: str | Path) -> Path:
-    """Return where a file can be written, absolute, and make its folder, or raise an OSError that names the remedy."""
+    """Return where a file can be written, absolute, or raise an OSError that names the remedy."""
     path = Path(path).expanduser().resolve()
     if path.exists() and not path.is_file():
         raise OSError(f"{path}: expected a file to replace or a new name, there is something else of that name.")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OSError(f"{path}: its folder cannot be made: {error}; choose another folder.") from error
-    if not os.access(path.parent, os.W_OK | os.X_OK):
-        raise PermissionError(f"{path}: no permission to write in {path.parent}; choose another folder.")
+    folder = next(folder for folder in path.parents if folder.exists())
+    if not folder.is_dir():
+        raise NotADirectoryError(f"{path}: {folder} is not a folder; choose another folder.")
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise PermissionError(f"{path}: no permission to write in {folder}; choose another folder.")
     return path
 
 
 def create_beside(path: Path) -> Path:
-    """Return a new empty file in the same folder, with the same ending, from where a rename is one step."""
+    """Return a new empty file in the same folder, which is made, and with the same ending: a rename is one step."""
     part = path.with_name(f".{path.stem[:40]}-{uuid.uuid4().hex[:DIGITS]}{path.suffix}")
     try:
+        part.parent.mkdir(parents=True, exist_ok=True)
         part.touch(exist_ok=False)
     except OSError as error:
         raise OSError(f"{path}: cannot be written: {error}; choose another folder.") from error

@@ -152,6 +152,8 @@ def benchmark(
     """
     if levels < 1:
         raise ValueError(f"levels: expected at least 1, received {levels}.")
+    if not difficulties:
+        raise ValueError(f"difficulty: expected one or more of {', '.join(DIFFICULTIES)}, received none.")
     known = [one_of(difficulty, DIFFICULTIES, "difficulty") for difficulty in difficulties]
     seen = load_policy(name, seed).observation
     for difficulty in known:

@@ -79,7 +79,7 @@ def make_setup(
         TypeError: there is no such argument.
         ValueError: an argument is not what it should be.
     """
-    names = ("course", "render_mode", *Options.__annotations__)
+    names = ("num_envs", "autoreset_mode", "course", "render_mode", *Options.__annotations__)
     for name in rules.keys() - set(names):
         raise TypeError(not_one_of(name, names, "argument"))
     if render_mode is not None:

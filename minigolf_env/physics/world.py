@@ -60,9 +60,9 @@ def sweep_sphere(start: ArrayLike, end: ArrayLike, radius: float, triangles: Arr
 class World:
     """A room of triangle meshes in which one ball moves, compiled once and immutable.
 
-    The time step is the seed's: the average velocity over the step, a straight path, the exact first collision, a
-    damped reflection, the rest of the step. Contacts too weak to bounce last: the ball slides or rolls, is braked, and
-    rests.
+    The time step is that of the CS121 notes (docs/physics.md): the average velocity over the step, a straight path, the
+    exact first collision, a damped reflection, the rest of the step. Contacts too weak to bounce last: the ball slides
+    or rolls, is braked, and rests.
 
     Guaranteed, whatever the speed and dt, with ``scale`` the largest coordinate and meshes as TriangleMesh asks for
     them: after every piece of a step the ball's clearance to every triangle is >= -1e-12 scale; no contact is missed,
@@ -75,7 +75,7 @@ class World:
         ball_radius: m, > 0.
         gravity: (3,) m/s^2.
         dt: the time step, s, > 0.
-        impact: "average": the seed's response, with the average velocity over the path; "conservative": with the
+        impact: "average": the notes' response, with the average velocity over the path; "conservative": with the
             velocity at the collision, corrected so that an impact keeps energy exactly.
         bounds: (2, 3) lower and upper corner, m: a ball whose centre leaves them is out of bounds; None: no bounds.
 

@@ -75,17 +75,25 @@ def test_twenty_kills_lose_no_more_than_the_last_putts(tmp_path: Path) -> None:
 
 
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # The file that could not be written.
-def test_a_full_disk_keeps_the_last_checkpoint(tmp_path: Path) -> None:
-    """Here files may not grow beyond what the arguments take; when they may, the run goes on."""
-    folder = tmp_path / "run"
-    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
-    signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (4096, limits[1]))
-    try:
-        with pytest.raises(SystemExit, match=r"Could not save: .*The last checkpoint is whole.*--resume"):
-            train_ppo.main(dataclasses.replace(LONG, putts=64, out=folder))
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+def test_a_full_disk_keeps_the_last_checkpoint(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """After a first checkpoint files may not grow beyond a few bytes; when they may again, the run goes on."""
+    folder, limits = tmp_path / "run", resource.getrlimit(resource.RLIMIT_FSIZE)
+    save, saved = runs.Checkpoints.save, []
+
+    def fill(checkpoints: runs.Checkpoints, name: str) -> None:
+        if len(saved) == 2:  # The first checkpoint, and that it is the best.
+            resource.setrlimit(resource.RLIMIT_FSIZE, (4096, limits[1]))
+        save(checkpoints, name)
+        saved.append((folder / name).read_bytes())
+
+    with monkeypatch.context() as patched:
+        patched.setattr(runs.Checkpoints, "save", fill)
+        try:
+            with pytest.raises(SystemExit, match=r"Could not save: .*The last checkpoint is whole.*--resume"):
+                train_ppo.main(dataclasses.replace(LONG, putts=128, out=folder))
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert len(saved) == 2 and (folder / "checkpoint.zip").read_bytes() == saved[0]
     assert not [file.name for file in folder.iterdir() if file.name.startswith(".")]
     train_ppo.main(train_ppo.Args(resume=folder))
-    assert played(folder) == 64
+    assert played(folder) == 128
