@@ -8,9 +8,11 @@ from __future__ import annotations
 import copy
 import os
 import pickle
+from abc import abstractmethod
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, ClassVar
+from functools import partial
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -48,6 +50,8 @@ RULES = [
     Rules("procedural", max_strokes=2, reward="strokes"),
     Rules("procedural", start_level=7, num_levels=2, max_strokes=3, observation="rays", putt_noise=NOISE),
 ]
+IDS = [f"{rules.course} {rules.max_strokes}" for rules in RULES]
+MODES = ["NextStep", "SameStep", "Disabled"]
 PUTTS: list[Any] = [
     [0, 0],
     (0.3, -0.2),
@@ -106,7 +110,8 @@ BAD_OPTIONS: list[Any] = [
 BAD_SEEDS: list[Any] = [-1, 1.5, "seed", [1.5] * N, [0] * (N + 1), {"a": 1}]
 """For both; Gymnasium refuses numpy's integers in single environments, and so do these."""
 
-BAD_STATES: list[dict[str, Any]] = [
+BAD_STATES: list[Any] = [
+    "left",
     {"position": (0.1, 0.2)},
     {"position": (0.1, 0.2, np.nan)},
     {"position": (0.1, 0.2, "3")},
@@ -126,36 +131,53 @@ BAD_STATES: list[dict[str, Any]] = [
 ]
 """What is wrong of a state, in place of what was right."""
 
+OTHER = np.random.PCG64(99).state
+"""A generator that no environment has: what is refused must not leave it behind."""
+
+BAD = [
+    *(("options", value) for value in BAD_OPTIONS),
+    *(("seed", value) for value in BAD_SEEDS),
+    *(("putt", value) for value in BAD_PUTTS),
+    *(("state", value) for value in BAD_STATES),
+]
+
 putts = st.sampled_from(PUTTS) | st.tuples(st.floats(-1, 1), st.floats(-1, 1))
-modes = st.sampled_from(["NextStep", "SameStep", "Disabled"])
-index = st.integers(0, 99)
-seeds, holes = st.integers(0, 5), st.none() | st.integers(1, 9)
+seeds, holes, index = st.integers(0, 5), st.none() | st.integers(1, 9), st.integers(0, 99)
 
 
 class Play(RuleBasedStateMachine):
-    """What both machines share: calls that are refused, and states that are kept."""
+    """What one environment and a batch share; the model is told of each call before the environment.
 
-    env: Any = None
-    models: list[Model]
-    pictures: ClassVar[dict[str, Any]] = {"render_mode": None}
+    Args:
+        env: not reset yet.
+        rules: its options.
+        n: how many environments it is.
+        pictures: whether it draws them, 32 by 24 pixels.
+    """
 
-    def __init__(self) -> None:
+    def __init__(self, env: Any, rules: Rules, n: int, pictures: bool) -> None:
         super().__init__()
+        self.env, self.game, self.pictures = env, rules, pictures
+        self.models = [Model(rules) for _ in range(n)]
         self.kept: list[dict[str, Any]] = []
+        self.keep(0)
 
     @property
     def has_begun(self) -> bool:
         """Whether there are balls."""
         return self.models[0].rng is not None
 
-    @property
-    def game(self) -> Rules:
-        """The options."""
-        return self.models[0].rules
-
+    @abstractmethod
     def states(self) -> list[dict[str, Any]]:
         """Return the states of all environments."""
-        raise NotImplementedError
+
+    @abstractmethod
+    def among_good(self, bad: Any, good: Any, which: int) -> list[Any]:
+        """Return something bad as the environment takes it: in a batch also among good ones."""
+
+    @abstractmethod
+    def looks_right(self, pictures: Any) -> bool:
+        """Return whether that is what render gives if it draws."""
 
     def refused(self, call: Callable[..., Any], *arguments: Any, **named: Any) -> None:
         """Check that a call raises an error of one line; that nothing has changed is checked after each rule."""
@@ -166,8 +188,6 @@ class Play(RuleBasedStateMachine):
     @invariant()
     def states_are_the_models(self) -> None:
         """To the last bit, the random numbers included."""
-        if self.env is None:
-            return
         if self.has_begun:
             assert self.states() == [model.state for model in self.models]
         else:
@@ -176,23 +196,30 @@ class Play(RuleBasedStateMachine):
 
     @rule(which=index)
     def keep(self, which: int) -> None:
-        """Keep a state of one environment, or one of a position alone."""
+        """Keep a state of one environment, and one of a position alone."""
         model = self.models[which % len(self.models)]
         if self.has_begun:
             self.kept.append(model.state)
-        number = {} if model.rules.key is None else {model.rules.key: model.rules.first}
-        above = replace(model, hole=model.rules.first).above_the_tee
+        number = {} if self.game.key is None else {self.game.key: self.game.first}
+        above = replace(model, hole=self.game.first).above_the_tee
         self.kept.append({"position": above, **number})
 
-    @rule(options=st.sampled_from(BAD_OPTIONS))
-    def reset_badly(self, options: Any) -> None:
-        """Options that no course takes."""
-        self.refused(self.env.reset, seed=1, options=options)
-
-    @rule(seed=st.sampled_from(BAD_SEEDS))
-    def seed_badly(self, seed: Any) -> None:
-        """Seeds that are none."""
-        self.refused(self.env.reset, seed=seed)
+    @rule(several=st.lists(st.sampled_from(BAD), min_size=1, max_size=3), which=index)
+    def refuse(self, several: list[tuple[str, Any]], which: int) -> None:
+        """Whatever is wrong of a call."""
+        for what, value in several:
+            if what == "options":
+                self.refused(self.env.reset, seed=1, options=value)
+            elif what == "seed":
+                self.refused(self.env.reset, seed=value)
+            elif what == "putt":
+                for actions in self.among_good(value, [0.1, 0.2], which):
+                    self.refused(self.env.step, actions)
+                    self.refused(self.env.what_if, None if actions is None else [actions])
+            else:
+                good = {**self.kept[which % len(self.kept)], "over": False, "np_random": OTHER}
+                for states in self.among_good({**good, **value} if isinstance(value, dict) else value, good, which):
+                    self.refused(self.env.set_state, states)
 
     @rule()
     def close(self) -> None:
@@ -205,32 +232,59 @@ class Play(RuleBasedStateMachine):
         env = self.env
         self.env = copy.deepcopy(env) if how == "deepcopy" else pickle.loads(pickle.dumps(env))  # noqa: S301 (ours)
 
+    @rule(several=st.lists(putts, max_size=3))
+    def what_if(self, several: list[Any]) -> None:
+        """Foretell without moving a ball."""
+        several = [self.models[0].aim(putt) for putt in several]
+        actions = np.array(several, float).reshape(-1, 2)
+        if not self.has_begun:
+            return self.refused(self.env.what_if, actions)
+        outcome = self.env.what_if(actions).reshape(len(self.models), len(several))
+        for i, model in enumerate(self.models):
+            for k, putt in enumerate(several):
+                twin = replace(model, rules=replace(self.game, putt_noise=(0.0, 0.0)), over=False)
+                twin.step(putt)
+                assert (tuple(outcome.position[i, k]), outcome.holed[i, k]) == (twin.position, twin.info["is_success"])
+
+    @rule()
+    def render(self) -> None:
+        """Return what the render mode promises."""
+        if not self.has_begun:
+            return self.refused(self.env.render)
+        pictures = self.env.render()
+        assert self.looks_right(pictures) if self.pictures else pictures is None
+
 
 class Alone(Play):
     """One environment."""
+
+    def __init__(self, rules: Rules, pictures: dict[str, Any]) -> None:
+        super().__init__(MiniGolfEnv(**rules.options, **pictures), rules, 1, bool(pictures))
+        self.model = self.models[0]
 
     def states(self) -> list[dict[str, Any]]:
         """Return its state."""
         return [self.env.get_state()]
 
-    @property
-    def model(self) -> Model:
-        """What it should be."""
-        return self.models[0]
+    def among_good(self, bad: Any, good: Any, which: int) -> list[Any]:
+        """Return it as it is."""
+        return [bad]
 
-    @initialize(rules=st.sampled_from(RULES), begun=st.booleans())
-    def make(self, rules: Rules, begun: bool) -> None:
-        """Make it, and reset it or not."""
-        self.env, self.models = MiniGolfEnv(**rules.options, **self.pictures), [Model(rules)]
-        self.keep(0)
-        if begun:
-            self.reset(0, None, False)
+    def looks_right(self, pictures: Any) -> bool:
+        """Return whether it is a picture."""
+        return bool(pictures.shape == (24, 32, 3) and pictures.dtype == np.uint8)
 
     def told(self, observation: Any, info: dict[str, Any]) -> None:
         """Check what reset and step return."""
         assert self.env.observation_space.contains(observation) and self.model.is_seen(observation)
         assert info == self.model.info
         assert [type(value) for value in info.values()] == [type(value) for value in self.model.info.values()]
+
+    @initialize(begun=st.booleans())
+    def begin(self, begun: bool) -> None:
+        """Start with a reset, or not."""
+        if begun:
+            self.reset(0, None, False)
 
     @rule(seed=seeds | st.none(), hole=holes, put=st.booleans())
     def reset(self, seed: int | None, hole: int | None, put: bool) -> None:
@@ -243,7 +297,7 @@ class Alone(Play):
         given = {"position": position, self.game.key or "level": hole}
         self.told(*self.env.reset(seed=seed, options={key: value for key, value in given.items() if value is not None}))
 
-    @rule(several=st.lists(putts, min_size=1, max_size=3))
+    @rule(several=st.lists(putts, min_size=1, max_size=4))
     def step(self, several: list[Any]) -> None:
         """Play, as long as there is a ball to be played."""
         for putt in several:
@@ -259,26 +313,6 @@ class Alone(Play):
         assert (terminated, truncated) == (self.model.over, False)
         assert type(reward) is float and (reward == -1.0 if self.game.reward == "strokes" else np.isfinite(reward))
 
-    @rule(putt=st.sampled_from(BAD_PUTTS))
-    def play_badly(self, putt: Any) -> None:
-        """What is no putt is refused, by what_if too."""
-        self.refused(self.env.step, putt)
-        self.refused(self.env.what_if, putt if putt is None else [putt])
-
-    @rule(putts=st.lists(putts, max_size=3))
-    def what_if(self, putts: list[Any]) -> None:
-        """Foretell without moving the ball."""
-        putts = [self.models[0].aim(putt) for putt in putts]
-        actions = np.array(putts, float).reshape(-1, 2)
-        if not self.has_begun:
-            return self.refused(self.env.what_if, actions)
-        outcome = self.env.what_if(actions)
-        calm = replace(self.game, putt_noise=(0.0, 0.0))
-        for putt, position, holed in zip(putts, outcome.position, outcome.holed, strict=True):
-            twin = replace(self.model, rules=calm, over=False)
-            twin.step(putt)
-            assert (tuple(position), holed) == (twin.position, twin.info["is_success"])
-
     @rule(which=index)
     def set_state(self, which: int) -> None:
         """Go on from a kept state."""
@@ -288,46 +322,39 @@ class Alone(Play):
         assert state == before
         self.model.enter(state if "np_random" in state or self.has_begun else self.env.get_state())
 
-    @rule(which=index, wrong=st.sampled_from([*BAD_STATES, "left"]))
-    def set_state_badly(self, which: int, wrong: Any) -> None:
-        """All or nothing."""
-        state = {**self.kept[which % len(self.kept)], "over": False, **wrong} if isinstance(wrong, dict) else wrong
-        self.refused(self.env.set_state, state)
-
-    @rule()
-    def render(self) -> None:
-        """Return what the render mode promises."""
-        if not self.has_begun:
-            return self.refused(self.env.render)
-        picture = self.env.render()
-        if self.pictures["render_mode"] is None:
-            assert picture is None
-        else:
-            assert picture.shape == (24, 32, 3) and picture.dtype == np.uint8
-
 
 class Together(Play):
     """A batch."""
 
-    @initialize(rules=st.sampled_from(RULES), mode=modes, begun=st.booleans())
-    def make(self, rules: Rules, mode: str, begun: bool) -> None:
-        """Make it, and reset it or not."""
-        self.env, self.mode = MiniGolfVectorEnv(N, autoreset_mode=mode, **rules.options, **self.pictures), mode
-        self.models = [Model(rules) for _ in range(N)]
-        self.keep(0)
-        if begun:
-            self.reset(0, None, 0)
+    def __init__(self, rules: Rules, mode: str, pictures: dict[str, Any]) -> None:
+        batch = MiniGolfVectorEnv(N, autoreset_mode=mode, **rules.options, **pictures)
+        super().__init__(batch, rules, N, bool(pictures))
+        self.mode = mode
 
     def states(self) -> list[dict[str, Any]]:
         """Return their states."""
         states: list[dict[str, Any]] = self.env.get_state()
         return states
 
-    def told(self, i: int, model: Model, observations: Any, infos: dict[str, Any], space: str = "single_") -> None:
+    def among_good(self, bad: Any, good: Any, which: int) -> list[Any]:
+        """Return it in one place, and where a list is expected."""
+        return [[bad if which % N == i else good for i in range(N)], bad]
+
+    def looks_right(self, pictures: Any) -> bool:
+        """Return whether they are pictures."""
+        return [picture.shape for picture in pictures] == [(24, 32, 3)] * N
+
+    def told(self, i: int, model: Model, observations: Any, infos: dict[str, Any]) -> None:
         """Check what reset and step return of environment i."""
         assert self.env.single_observation_space.contains(observations[i]) and model.is_seen(observations[i])
         assert {key: infos[key][i] for key in model.info} == model.info
         assert all(infos[f"_{key}"][i] for key in model.info)
+
+    @initialize(begun=st.booleans())
+    def begin(self, begun: bool) -> None:
+        """Start with a reset, or not."""
+        if begun:
+            self.reset(0, None, 0)
 
     @rule(seed=seeds | st.lists(seeds | st.none(), min_size=N, max_size=N), hole=holes, mask=index)
     def reset(self, seed: Any, hole: int | None, mask: int) -> None:
@@ -345,26 +372,26 @@ class Together(Play):
         observations, infos = self.env.reset(seed=seed, options=options)
         assert infos.keys() == {name for key in self.models[0].info for name in (key, f"_{key}")}
         for i, model in enumerate(self.models):
-            told = model if not chosen.any() or chosen[i] else replace(model, last=("tee", 0.0, 0))
-            self.told(i, told, observations, infos)
+            self.told(i, replace(model, last=("tee", 0.0, 0)), observations, infos)
 
-    @rule(several=st.lists(st.lists(putts, min_size=N, max_size=N), min_size=1, max_size=3))
+    @rule(several=st.lists(st.lists(putts, min_size=N, max_size=N), min_size=1, max_size=4))
     def step(self, several: list[list[Any]]) -> None:
         """Play, each mode in its way."""
         for each in several:
             self.play([model.aim(putt) for model, putt in zip(self.models, each, strict=True)])
 
-    def play(self, putts: list[Any]) -> None:
+    def play(self, each: list[Any]) -> None:
         """Play one putt each."""
         if not self.has_begun or (self.mode == "Disabled" and any(model.over for model in self.models)):
-            return self.refused(self.env.step, putts)
-        idle = [model.over for model in self.models]
-        for model, putt in zip(self.models, putts, strict=True):
+            return self.refused(self.env.step, each)
+        idle = np.array([model.over for model in self.models])
+        for model, putt in zip(self.models, each, strict=True):
             model.reset(None) if model.over else model.step(putt)
-        observations, rewards, terminated, truncated, infos = self.env.step(putts)
+        observations, rewards, terminated, truncated, infos = self.env.step(each)
         over = [model.over for model in self.models]
-        assert (terminated.tolist(), truncated.any()) == (over, False) and np.isfinite(rewards).all()
-        assert self.game.reward == "shaped" or rewards.tolist() == [idle[i] - 1.0 for i in range(N)]
+        assert (terminated.tolist(), truncated.any()) == (over, False)
+        assert np.isfinite(rewards).all() and not rewards[idle].any()
+        assert self.game.reward == "shaped" or rewards.tolist() == (idle - 1.0).tolist()
         for i, model in enumerate(self.models):
             if self.mode == "SameStep" and model.over:
                 self.told(i, model, infos["final_obs"], infos["final_info"])
@@ -372,27 +399,6 @@ class Together(Play):
                 model.reset(None)
             self.told(i, model, observations, infos)
         assert ("final_obs" in infos) == (self.mode == "SameStep" and any(over))
-
-    @rule(putt=st.sampled_from(BAD_PUTTS), i=st.integers(0, N - 1))
-    def play_badly(self, putt: Any, i: int) -> None:
-        """One that is no putt refuses them all."""
-        for putts in ([putt if i == k else [0.1, 0.2] for k in range(N)], putt):
-            self.refused(self.env.step, putts)
-            self.refused(self.env.what_if, putts if putts is putt else [[one] for one in putts])
-
-    @rule(putts=st.lists(putts, max_size=2))
-    def what_if(self, putts: list[Any]) -> None:
-        """Foretell the same putts for all, without moving a ball."""
-        putts = [self.models[0].aim(putt) for putt in putts]
-        actions = np.array(putts, float).reshape(-1, 2)
-        if not self.has_begun:
-            return self.refused(self.env.what_if, actions)
-        outcome = self.env.what_if(actions)
-        for i, model in enumerate(self.models):
-            for k, putt in enumerate(putts):
-                twin = replace(model, rules=replace(self.game, putt_noise=(0.0, 0.0)), over=False)
-                twin.step(putt)
-                assert (tuple(outcome.position[i, k]), outcome.holed[i, k]) == (twin.position, twin.info["is_success"])
 
     @rule(which=st.lists(index, min_size=N, max_size=N))
     def set_state(self, which: list[int]) -> None:
@@ -405,27 +411,8 @@ class Together(Play):
         for i, model in enumerate(self.models):
             model.enter(states[i] if "np_random" in states[i] or model.rng is not None else now[i])
 
-    @rule(which=index, wrong=st.sampled_from([*BAD_STATES, "left"]), i=st.integers(0, N - 1))
-    def set_state_badly(self, which: int, wrong: Any, i: int) -> None:
-        """One that is wrong refuses them all."""
-        good = {**self.kept[which % len(self.kept)]}
-        bad = {**good, "over": False, **wrong} if isinstance(wrong, dict) else wrong
-        self.refused(self.env.set_state, [bad if i == k else good for k in range(N)])
-        self.refused(self.env.set_state, good)
 
-    @rule()
-    def render(self) -> None:
-        """Return what the render mode promises."""
-        if not self.has_begun:
-            return self.refused(self.env.render)
-        pictures = self.env.render()
-        if self.pictures["render_mode"] is None:
-            assert pictures is None
-        else:
-            assert [picture.shape for picture in pictures] == [(24, 32, 3)] * N
-
-
-def run(machine: type[Play], sequences: int) -> None:
+def run(machine: Callable[[], Play], sequences: int) -> None:
     """Try so many sequences."""
     slow = [HealthCheck.too_slow, HealthCheck.data_too_large]
     run_state_machine_as_test(
@@ -434,14 +421,22 @@ def run(machine: type[Play], sequences: int) -> None:
     )
 
 
-@pytest.mark.parametrize("machine", [Alone, Together])
-def test_sequences_of_calls(machine: type[Play]) -> None:
-    """Whatever their order."""
-    run(machine, SEQUENCES // 2)
+@pytest.mark.parametrize("rules", RULES, ids=IDS)
+def test_sequences(rules: Rules) -> None:
+    """Of one environment."""
+    run(partial(Alone, rules, {}), -(-SEQUENCES // (2 * len(RULES))))
 
 
-@pytest.mark.parametrize("machine", [Alone, Together])
-def test_sequences_with_pictures(machine: type[Play], gl: None) -> None:
+@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize("rules", RULES, ids=IDS)
+def test_sequences_of_a_batch(rules: Rules, mode: str) -> None:
+    """In every mode."""
+    run(partial(Together, rules, mode, {}), -(-SEQUENCES // (2 * len(RULES) * len(MODES))))
+
+
+@pytest.mark.parametrize("rules", RULES[-2:], ids=IDS[-2:])
+def test_sequences_with_pictures(rules: Rules, gl: None) -> None:
     """Looking on changes nothing."""
     show = {"render_mode": "rgb_array", "render_size": (32, 24), "render_profile": "fast"}
-    run(type("Shown", (machine,), {"pictures": show}), max(1, SEQUENCES // 100))
+    run(partial(Alone, rules, show), max(1, SEQUENCES // 100))
+    run(partial(Together, rules, "SameStep", show), max(1, SEQUENCES // 100))
