@@ -14,7 +14,7 @@ INSTALLED := $(VENV)/.installed
 INSTALLED_DISTRIBUTED := $(VENV_DISTRIBUTED)/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help train test test-all test-distributed soak mutants bench lint check format clean
+.PHONY: help train test test-all test-distributed soak fuzz mutants bench lint check format clean
 
 help: ## list the commands
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "make %-16s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -39,6 +39,9 @@ test-all: $(INSTALLED) ## run the tests with each Python and Gymnasium, on wheel
 
 soak: $(INSTALLED) ## look at every one of 10^8 steps in random rooms (minutes)
 	$(BIN)/python -m tests.soak $(ARGS)
+
+fuzz: $(INSTALLED) ## compare 10^5 sequences of calls with what must hold (an hour)
+	SEQUENCES=$${SEQUENCES:-100000} $(BIN)/python -m pytest -n $(WORKERS) tests/envs/test_sequences.py $(ARGS)
 
 mutants: $(INSTALLED) ## break the physics in many ways: do the tests notice? (twenty minutes)
 	$(BIN)/python -m tests.mutations $(ARGS)

@@ -22,6 +22,9 @@ from tests.physics import golden
 SLOWLY = """
 import minigolf_env.physics.vec3 as vec3
 from tests.determinism import digests
+from tests.physics import golden
+hit = golden.groove()[0].sweep((0.0, 0.0, 2.0), (0.0, 0.0, -2.0))
+assert [type(value) for value in (hit.hit, hit.alpha, hit.triangle)] == [bool, float, int], hit
 assert not hasattr(vec3.dot, "py_func"), "compiled"
 print(*(digests(kind, 1, 0)[0].hex() for kind in ("dogleg, rays", "hard")))
 """
@@ -38,7 +41,7 @@ def test_episodes_are_the_same_bits(kind: str, batch: int, threads: int, monkeyp
 
 
 def test_without_machine_code_bits_are_the_same() -> None:
-    """NUMBA_DISABLE_JIT=1 leaves the physics to Python, slowly: an aid to those who debug it."""
+    """NUMBA_DISABLE_JIT=1 leaves the physics to Python, slowly: for those who debug it. Numbers are plain, too."""
     environment = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
     command = [sys.executable, "-c", SLOWLY]
     done = subprocess.run(command, cwd=ROOT, env=environment, text=True, capture_output=True, check=True)

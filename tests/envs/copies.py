@@ -52,23 +52,25 @@ def play(env: Any, steps: int, first: int) -> str:
     return digest.hexdigest()
 
 
-def answer(connection: Any, env: Any) -> None:
-    """Play an environment on and tell what was seen."""
-    connection.send(play(env, 4, 100))
+def answer(connection: Any, envs: list[Any]) -> None:
+    """Play environments on and tell what was seen."""
+    connection.send([play(env, 4, 100) for env in envs])
 
 
 def elsewhere(method: str) -> Iterator[tuple[str, str]]:
     """Yield what environments in the middle of episodes see in another process, and what they see here."""
     context: Any = multiprocessing.get_context(method)
-    for name, mode in MADE:
-        env = make(name, mode)
+    envs = [make(name, mode) for name, mode in MADE]
+    for env in envs:
         env.reset(seed=3)
         play(env, 3, 0)
-        ours, theirs = context.Pipe()
-        child = context.Process(target=answer, args=(theirs, env))
-        child.start()
-        yield ours.recv() if ours.poll(300) else "nothing", play(env, 4, 100)
-        child.join()
+    ours, theirs = context.Pipe()
+    child = context.Process(target=answer, args=(theirs, envs))
+    child.start()
+    theirs.close()  # If the child dies, nobody else holds the pipe open.
+    there = ours.recv()
+    yield from zip(there, [play(env, 4, 100) for env in envs], strict=True)
+    child.join()
 
 
 if __name__ == "__main__":
