@@ -7,7 +7,7 @@ import multiprocessing
 import pickle
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -78,7 +78,16 @@ def test_another_process_goes_on_alike(method: str) -> None:
     assert all(there == here for there, here in lines) and len({here for _, here in lines}) == len(MADE)
 
 
-def test_threads_do_not_disturb_each_other(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.fixture
+def hasty() -> Iterator[None]:
+    """Let threads take turns a thousand times as often as usual: those that disturb each other do so soon."""
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(1e-3 * before)
+    yield
+    sys.setswitchinterval(before)
+
+
+def test_threads_do_not_disturb_each_other(hasty: None, monkeypatch: pytest.MonkeyPatch) -> None:
     """Environments and batches, made and played in threads at once, see what they see alone."""
     monkeypatch.setattr(parallel, "_number", lambda: 2)
 
