@@ -173,7 +173,7 @@ def together(each: list[bytes]) -> str:
 
 
 def sines() -> str:
-    """Return a hash of functions whose last bits differ between machines (processors without AVX2, other libraries).
+    """Return a hash of functions whose last bits differ between systems, as their libraries for mathematics do.
 
     Courses, putt noise and rays are computed with them, golden trajectories are not.
     """
