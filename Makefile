@@ -15,7 +15,7 @@ INSTALLED_DOCS := $(VENV)/.installed-docs
 INSTALLED_DISTRIBUTED := $(VENV_DISTRIBUTED)/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help train test test-all test-distributed soak endurance supply mutants bench docs notebooks lint check format clean
+.PHONY: help train test test-all test-distributed soak fuzz endurance supply mutants bench docs notebooks lint check format clean
 
 help: ## list the commands
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "make %-16s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -46,6 +46,9 @@ supply: $(INSTALLED) ## write lock file, bill of materials and licences anew, af
 
 endurance: $(INSTALLED) ## does the package tire of 10^7 putts and 10,000 environments? (half an hour)
 	$(BIN)/python -m tests.endurance $(ARGS)
+
+fuzz: $(INSTALLED) ## compare 10^5 sequences of calls with what must hold (an hour)
+	SEQUENCES=$${SEQUENCES:-100000} $(BIN)/python -m pytest -n $(WORKERS) tests/envs/test_sequences.py $(ARGS)
 
 mutants: $(INSTALLED) ## break the physics in many ways: do the tests notice? (twenty minutes)
 	$(BIN)/python -m tests.mutations $(ARGS)

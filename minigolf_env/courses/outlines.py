@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import cmath
 import math
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
 import shapely
 from shapely.affinity import rotate
 
@@ -80,11 +80,11 @@ def _arc(start: Point2, via: Point2, end: Point2) -> list[Point2]:
     # The centre in coordinates where a is 0 and b is 1 (a known closed form of the circumcentre).
     w = complex(slant)
     centre = a + (b - a) * (w - abs(w) ** 2) / (2j * w.imag)
-    turn = np.angle((c - centre) / (a - centre))
-    over = np.angle((b - centre) / (a - centre))
+    # By Python's complex numbers: the last bits of numpy's angles and products depend on the processor.
+    turn = cmath.phase((c - centre) / (a - centre))
+    over = cmath.phase((b - centre) / (a - centre))
     if (turn > 0) != (over > 0) or abs(over) > abs(turn):
         turn -= math.copysign(2.0 * math.pi, turn)
     steps = max(2, math.ceil(abs(math.degrees(turn)) / ARC))
-    turns = np.exp(1j * turn * np.arange(1, steps + 1) / steps)
-    points = [(p.real, p.imag) for p in (centre + (a - centre) * turns).tolist()]
-    return [*points[:-1], end]
+    points = [centre + (a - centre) * cmath.rect(1.0, turn * k / steps) for k in range(1, steps)]
+    return [*((point.real, point.imag) for point in points), end]

@@ -10,7 +10,7 @@ from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
 from minigolf_env.courses import Course
-from minigolf_env.envs.options import Options, check_actions, check_lie, make_setup, require_lie
+from minigolf_env.envs.options import Options, check_actions, check_lie, check_options, make_setup, require_lie
 from minigolf_env.envs.state import number_of, read_state, state_of
 from minigolf_env.envs.task import FloatArray, Outcome, Result, action_space
 from minigolf_env.rendering import FPS, RENDER_MODES, Screen, Stage
@@ -136,11 +136,9 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
         ``options["level"]`` is the number of the level to play, of the training set or not; of a round it is
         ``options["hole"]``.
         """
-        given = dict(options or {})
         key = self._tasks.key
-        level, position = given.pop(key, None), given.pop("position", None)
-        if given:
-            raise ValueError(f"options: expected only '{key}' and 'position', received {sorted(given)} as well.")
+        given = check_options(options, key, "position")
+        level, position = given.get(key), given.get("position")
         if position is not None and level is None and self._tasks.has_levels:
             raise ValueError(f"position: expected with a '{key}', received none; it is a place on one {key}.")
         task = None if level is None else self._tasks.level(level)

@@ -14,7 +14,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from minigolf_env.courses import Course
 from minigolf_env.envs.attributes import Attributes, Observations
-from minigolf_env.envs.options import Options, check_actions, check_autoreset, check_mask, make_setup, one_each
+from minigolf_env.envs.options import (
+    Options,
+    check_actions,
+    check_autoreset,
+    check_mask,
+    check_options,
+    make_setup,
+    one_each,
+)
 from minigolf_env.envs.state import check_lies, naming_state, read_state, state_of
 from minigolf_env.envs.task import FloatArray, Game, Outcome, Result, Task, action_space, of_rows, together
 from minigolf_env.rendering import FPS, Screen, Stage
@@ -100,12 +108,10 @@ class MiniGolfVectorEnv(Attributes):
 
         ``options["level"]`` is the number of the level that all play, or N numbers; of a round, ``options["hole"]``.
         """
-        given = dict(options or {})
-        rows = check_mask(given.pop("reset_mask", None), self.num_envs)
         key = self._tasks.key
-        holes = self._chosen(given.pop(key, None), rows)
-        if given:
-            raise ValueError(f"options: expected only '{key}' and 'reset_mask', received {sorted(given)} as well.")
+        given = check_options(options, key, "reset_mask")
+        rows = check_mask(given.get("reset_mask"), self.num_envs)
+        holes = self._chosen(given.get(key), rows)
         if len(self._rngs) == 0 and len(rows) < self.num_envs:
             raise ResetNeeded("Reset all environments before some of them.")
         for i in self._seed(seed, rows):

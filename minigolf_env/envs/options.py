@@ -217,6 +217,17 @@ def check_autoreset(mode: str | AutoresetMode) -> AutoresetMode:
     return AutoresetMode(mode)
 
 
+def check_options(options: Any, *known: str) -> dict[str, Any]:
+    """Return a copy of the options of a reset, which may have these keys, or raise a ValueError."""
+    given = {} if options is None else options
+    if not isinstance(given, dict):
+        raise ValueError(f"options: expected a dict or None, received {given!r:.80}.")
+    unknown = sorted(map(str, given.keys() - set(known)))
+    if unknown:
+        raise ValueError(f"options: expected only {' and '.join(map(repr, known))}, received {unknown} as well.")
+    return dict(given)
+
+
 def check_mask(mask: Any, n: int) -> NDArray[np.int64]:
     """Return which of n environments a mask (n,) chooses, all without one; or raise a ValueError."""
     if mask is None:

@@ -67,7 +67,10 @@ def read_state(state: Any, tasks: Tasks, task: Task) -> Episode:
     generator: Any = state.get("np_random")
     if "np_random" in state:
         try:
-            np.random.PCG64(0).state = generator
+            probe = np.random.PCG64(0)
+            probe.state = generator
+            if probe.state != generator:
+                raise ValueError(f"received {generator!r:.200}")
         except (KeyError, OverflowError, TypeError, ValueError) as error:
             raise ValueError(f"np_random: expected a state of numpy's PCG64 generator; {error}") from error
     return Episode(task, position, int(strokes), bool(over), generator)

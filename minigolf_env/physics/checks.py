@@ -14,6 +14,9 @@ from minigolf_env.physics.types import FloatArray
 LARGEST = 1e50
 """Largest number taken anywhere: the product of six, more than the physics multiplies, stays within float64."""
 
+NUMBERS = "biufO"
+"""Kinds of numpy's types that are taken: numpy would read texts and dates as numbers, too, and drop imaginary parts."""
+
 
 def finite_array(
     value: ArrayLike, shape: tuple[int | None, ...], what: str, remedy: str, largest: float = LARGEST
@@ -21,8 +24,11 @@ def finite_array(
     """Return a new float64 array of the given shape (None: any length), or raise a ValueError that says all."""
     wanted = "(" + ", ".join("N" if n is None else str(n) for n in shape) + ("," if len(shape) == 1 else "") + ")"
     try:
-        array = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError) as error:
+        given = np.asarray(value)
+        if given.dtype.kind not in NUMBERS:
+            raise TypeError(f"{given.dtype} is no type of real numbers")
+        array = given.astype(np.float64)
+    except (OverflowError, TypeError, ValueError) as error:
         raise ValueError(f"{what}: expected numbers of shape {wanted}, received {value!r:.80}; {remedy}") from error
     if array.ndim != len(shape) or any(n is not None and n != m for n, m in zip(shape, array.shape, strict=True)):
         raise ValueError(f"{what}: expected shape {wanted}, received {array.shape}; {remedy}")

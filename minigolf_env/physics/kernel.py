@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from typing import Any, TypeVar, cast
 
 import numba
+import numpy as np
 
 try:
     from minigolf_env.physics.cache import KernelCache
@@ -45,6 +46,8 @@ def kernel(function: Function) -> Function:
 
 def entry_kernel(function: Function) -> Function:
     """Compile a function as ``kernel`` does, for Python to call."""
+    if numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
+        return np.errstate(all="ignore")(function)  # Kernels divide by zero, too, where Python would warn of it.
     return _compile(function)
 
 

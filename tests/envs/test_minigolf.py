@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import copy
-import pickle
 import subprocess
 import sys
 from pathlib import Path
@@ -89,15 +87,6 @@ def test_returned_types_are_plain(env: MiniGolfEnv) -> None:
     ]
 
 
-def test_pickle_and_deepcopy_go_on_alike(env: MiniGolfEnv) -> None:
-    """A pickled and a copied environment continue like the original, random numbers included."""
-    twins = [pickle.loads(pickle.dumps(env)), copy.deepcopy(env)]  # noqa: S301 (our own bytes)
-    action = np.array([0.7, 0.2], dtype=np.float32)
-    expected = [env.step(action), env.reset()]
-    for twin in twins:
-        assert same(expected, [twin.step(action), twin.reset()])
-
-
 def test_set_state_goes_back(env: MiniGolfEnv) -> None:
     """get_state and set_state repeat an episode bit for bit, also in another environment."""
     state = env.get_state()
@@ -134,6 +123,11 @@ def test_set_state_goes_back(env: MiniGolfEnv) -> None:
         ([0.6, 0.6, 0.1], "state: expected 'position'"),
         ({"position": (np.nan, 0.6, 0.1), "over": True}, "finite"),
         ({"position": (0.6, 0.6, 0.1), "np_random": {"bit_generator": "MT19937"}}, "np_random"),
+        (
+            {"position": (0.6, 0.6, 0.1), "np_random": np.random.PCG64(0).state | {"state": {"state": 1.5, "inc": 1}}},
+            "np_random: expected a state of numpy's PCG64",
+        ),
+        ({"position": (0.6, 0.6, 10**400)}, "position: expected numbers"),
     ],
 )
 def test_a_bad_state_is_refused_and_changes_nothing(env: MiniGolfEnv, state: dict[str, Any], word: str) -> None:
@@ -144,12 +138,27 @@ def test_a_bad_state_is_refused_and_changes_nothing(env: MiniGolfEnv, state: dic
     assert env.get_state() == before
 
 
-@pytest.mark.parametrize("action", [[np.nan, 0.0], [np.inf, 0.0], [0.1], [[0.1, 0.2]], "left", [0.1, 0.2, 0.3], None])
+BAD_ACTIONS: list[Any] = [[np.nan, 0.0], [np.inf, 0.0], [0.1], [[0.1, 0.2]], "left", [0.1, 0.2, 0.3], None]
+NO_NUMBERS: list[Any] = [["0.1", "0.2"], [10**400, 0], np.array([0.1j, 0.2]), np.array(["2020", "2021"], "M8[Y]")]
+"""What numpy would read as numbers, with a warning or without, or refuse by an error of another kind."""
+
+
+@pytest.mark.parametrize("action", BAD_ACTIONS + NO_NUMBERS)
 def test_a_bad_action_is_refused_and_changes_nothing(env: MiniGolfEnv, action: Any) -> None:
     """An action of the wrong shape or value raises and leaves the state."""
     before = env.get_state()
     with pytest.raises(ValueError, match="action"):
         env.step(action)
+    assert env.get_state() == before
+
+
+@pytest.mark.parametrize("options", [5, "tee", [("position", (0.6, 0.6, 0.1))], {"tee": 1}, {5: 1, "tee": 2}])
+def test_bad_reset_options_are_refused_and_change_nothing(env: MiniGolfEnv, options: Any) -> None:
+    """A dict of known keys, or nothing; in a batch, too."""
+    before, batch = env.get_state(), MiniGolfVectorEnv(2)
+    for some in (env, batch):
+        with pytest.raises(ValueError, match="options: expected"):
+            some.reset(seed=1, options=options)
     assert env.get_state() == before
 
 

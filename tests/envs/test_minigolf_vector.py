@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import copy
 import itertools
-import pickle
 from collections.abc import Iterator
 from typing import Any
 
@@ -207,19 +205,6 @@ def test_generators_can_be_set() -> None:
     for name in ("step", "reset", "set_state", "strokes"):
         with pytest.raises(AttributeError, match=f"'get_state', 'render' or 'what_if', received '{name}'"):
             batch.call(name)
-
-
-def test_pickle_and_deepcopy_go_on_alike() -> None:
-    """In the middle of episodes, random numbers included."""
-    batch = make("NextStep", putt_noise=(0.5, 0.015)).unwrapped
-    batch.reset(seed=1)
-    batch.step(actions(0))
-    for twin in (pickle.loads(pickle.dumps(batch)), copy.deepcopy(batch)):  # noqa: S301 (our own bytes)
-        assert twin.get_state() == batch.get_state()
-        twin.step(actions(1)), twin.step(actions(2))
-        ahead = copy.deepcopy(batch)
-        ahead.step(actions(1)), ahead.step(actions(2))
-        assert twin.get_state() == ahead.get_state()
 
 
 def test_a_smaller_batch_has_the_same_streams() -> None:

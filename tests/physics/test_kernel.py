@@ -182,6 +182,7 @@ def test_the_cache_is_the_kernels_alone() -> None:
     assert not numba.config.CACHE_LOCATOR_CLASSES
 
 
+@pytest.mark.skipif(bool(os.environ.get("NUMBA_DISABLE_JIT")), reason="nothing is compiled")
 def test_kernels_for_kernels_refuse_python() -> None:
     """Called from Python, compiled or not, a kernel without a wrapper says so instead of crashing the process."""
     twice = kernel.kernel(lambda x: 2.0 * x)
