@@ -265,12 +265,12 @@ def main(args: Args) -> list[Score]:
     began, address = time.monotonic(), args.address
     if args.num_env_runners < 1 or args.num_learners < 0:
         raise SystemExit("num_env_runners: expected at least 1; num_learners: at least 0.")
-    if args.facing or args.observation == "pixels" or args.start is not None:
-        raise SystemExit('observation: expected "state" or "rays", no --facing, no --start: those are for one machine.')
+    if args.observation == "pixels" or args.start is not None:
+        raise SystemExit('observation: expected "state" or "rays", no --start: those are for one machine.')
     args, folder = runs.begin(args)
     args = dataclasses.replace(args, address=address)
     train(args, folder)
-    return runs.end(args, PPO, folder, began)
+    return runs.end(args, PPO.__name__, runs.best_of(PPO, args, folder), folder / "best.zip", began)
 
 
 if __name__ == "__main__":

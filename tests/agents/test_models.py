@@ -69,13 +69,13 @@ def test_the_model_that_ships(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     """A run's best becomes "ppo", with a card that says how to train it and what it scores; nothing else does."""
     run, shipped = tmp_path / "run", tmp_path / "models" / "dogleg.npz"
     run.mkdir()
-    monkeypatch.setattr(policies, "SHIPPED", shipped)
+    monkeypatch.setattr(policies, "MODELS", shipped.parent)
     with pytest.raises(FileNotFoundError, match="train one"):
         load_policy("ppo")
     PPO("MlpPolicy", gym.make(ENV), seed=0, device="cpu", **SMALL).save(run / "best.zip")
     trained = train_ppo.Args(seed=7)
     (run / "args.json").write_text(json.dumps({**dataclasses.asdict(trained), "out": None, "resume": None}))
-    ship.main(ship.Args(run, output=shipped, episodes=3))
+    ship.main(ship.Args(run, folder=shipped.parent, episodes=3))
     card = json.loads(shipped.with_suffix(".json").read_text())
     assert card["command"] == "python -m agents.train_ppo --seed 7"
     assert {"torch", "numpy", "minigolf_env"} <= set(card["versions"])
