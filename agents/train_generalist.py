@@ -30,6 +30,7 @@ from torch.nn.functional import binary_cross_entropy_with_logits, mse_loss, soft
 
 from agents import runs
 from minigolf_env.courses.procedural import PROCEDURAL
+from minigolf_env.envs.task import Game
 from minigolf_env.evaluation import Score
 from minigolf_env.network import Layer, Network, read_network
 from minigolf_env.policies import ModelPolicy
@@ -53,7 +54,7 @@ class Args(runs.Run):
     """Of the levels, all learned and scored."""
     num_levels: int | None = 500_000
     observation: str = "rays"
-    putts: int = 3_000_000
+    putts: int = 1_500_000
     """Putts to try."""
     num_envs: int = 128
     """Of each difficulty."""
@@ -64,14 +65,14 @@ class Args(runs.Run):
 
     memory: int = 1_000_000
     """Putts learned from: the last ones."""
-    reuse: float = 16.0
+    reuse: float = 8.0
     """How often a putt is learned from, on average."""
     batch_size: int = 2048
     learning_rate: float = 2e-3
     """At the start; falls linearly to 0."""
     hidden: tuple[int, ...] = (128, 128, 128)
 
-    check_every: int = 250_000
+    check_every: int = 150_000
     check_episodes: int = 200
     check_seed: int = 500_000
     final_episodes: int = 200
@@ -186,7 +187,8 @@ class Training:
         args, envs, rng, seen = self.args, self.batches[k].unwrapped, self.rng, self.seen[k]
         directions, rolls = self.around(best(seen, judge.cost, QUICK, rng))
         outcome = envs.what_if(actions(*self.disturb(directions, rolls)))  # type: ignore[attr-defined]
-        left = -envs.game.potential(outcome.position.swapaxes(0, 1)).T  # type: ignore[attr-defined]
+        game: Game = envs.game  # type: ignore[attr-defined]
+        left = -game.potential(outcome.position.swapaxes(0, 1)).T
         rows, tries = np.arange(len(seen)), rng.integers(args.tries, size=len(seen))
         played = rows, np.where(rng.random(len(seen)) < args.greedy, 0, tries)
         self.seen[k] = envs.step(actions(directions[played], rolls[played]))[0]

@@ -36,13 +36,14 @@ LEGS = 4
 FLAT = 0.02
 """The angle, radians, at which two walls are still one."""
 
-NUMBERS = 17 + 12 * LEGS
+NUMBERS = 20 + 12 * LEGS
 """Of a sight."""
 
 ANGLE = 2.0 * math.pi / RAYS
 WAYS = np.stack([np.cos(ANGLE * np.arange(RAYS)), np.sin(ANGLE * np.arange(RAYS))], axis=-1).astype(np.float32)
 """(RAYS, 2) the directions of the rays."""
 
+STROKES = OBSERVATION.index("strokes left")
 RAY = len(OBSERVATION)
 DEPTH = RAY + RAYS
 SLOPE = DEPTH + 1
@@ -139,6 +140,10 @@ def foresee(observations: NDArray[Any], directions: NDArray[Any], rolls: NDArray
     slope = seen[:, None, SLOPE : SLOPE + 2]
     still = np.zeros_like(directions)
     lined = [(first * slope).sum(-1), _cross(first, slope), seen[:, DEPTH, None] + still, seen[:, HEIGHT, None] + still]
+    # The tee is in the middle of a level's bounds, behind: what is ahead, where no cup is to be seen? And a ball that
+    # has taken many strokes lies where putts are not what they seem.
+    place = 2.5 * seen[:, None, :2]
+    lined += [(first * place).sum(-1), _cross(first, place), seen[:, STROKES, None] + still]
     lined += [away / 4.0, ahead / 4.0, *_scales(left, 0.05, 0.2, 1.0, 4.0)]
     rolled = [np.sqrt(roll / TOP_ROLL), roll / TOP_ROLL, *_scales(roll - away[..., None], 1.0, 6.0, 36.0)]
     rest, rolls_on = np.zeros((*roll.shape, 2), np.float32), np.ones(roll.shape, np.bool_)

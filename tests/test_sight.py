@@ -83,13 +83,13 @@ def test_a_turned_hole_looks_the_same() -> None:
     seen, rng = observations(20), np.random.default_rng(1)
     directions, rolls = rng.uniform(0.0, 6.0, (20, 5)), rng.uniform(0.3, 30.0, (20, 5, 2))
     expected = foresee(seen, directions, rolls)
-    assert expected.shape == (20, 5, 2, NUMBERS) and np.abs(expected[..., 3:]).max() <= 4.0
+    assert expected.shape == (20, 5, 2, NUMBERS) and np.abs(expected).max() <= 4.0
     for steps in (1, 8, 21):
         angle = 2.0 * np.pi * steps / RAYS
         rotation = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
         turned = seen.copy()
         turned[:, RAY:DEPTH] = np.roll(seen[:, RAY:DEPTH], steps, axis=1)
-        for first in (SLOPE, STRAIGHT):
+        for first in (0, SLOPE, STRAIGHT):  # The place, the slope, the cup.
             turned[:, first : first + 2] = seen[:, first : first + 2] @ rotation
         error = np.abs(foresee(turned, directions + angle, rolls) - expected)
         assert np.quantile(error, 0.99) < 1e-3  # A line that meets a corner may go either way.
@@ -115,9 +115,9 @@ def test_a_putt_straight_at_the_cup_drops() -> None:
     away, direction = float(np.hypot(*cup)), float(np.arctan2(*cup[::-1]))
     seen[:, RAY:DEPTH], seen[:, STRAIGHT : STRAIGHT + 2] = rays_of_room(), cup / np.sqrt(AWAY * away)
     sight = foresee(seen, np.array([[direction]]), np.array([[[away + 0.2, away - 0.2]]]))[0, 0]
-    np.testing.assert_allclose(sight[:, 4:6] * 4.0, away, rtol=1e-5)
-    np.testing.assert_allclose(sight[:, 6:10], 0.0, atol=1e-5)
-    drops = 17 + 9 * LEGS
+    np.testing.assert_allclose(sight[:, 7:9] * 4.0, away, rtol=1e-5)
+    np.testing.assert_allclose(sight[:, 9:13], 0.0, atol=1e-5)
+    drops = 20 + 9 * LEGS
     assert sight[0, drops] > 0.9 and sight[1, drops] == 0.0
 
 
@@ -127,7 +127,7 @@ def test_the_best_putt_is_found() -> None:
     seen[:, STRAIGHT : STRAIGHT + 2] = [0.5, 0.0]  # 2 m along x.
 
     def cost(sights: NDArray[Any]) -> NDArray[np.float32]:
-        ahead, roll = sights[..., 5] * 4.0, sights[..., 11 + 9 * LEGS] * TOP_ROLL
+        ahead, roll = sights[..., 8] * 4.0, sights[..., 14 + 9 * LEGS] * TOP_ROLL
         return np.asarray(np.square(4.0 * ahead - 8.0 * np.cos(0.4)) + np.square(np.log(roll / 3.0)), dtype=np.float32)
 
     for rng in (None, np.random.default_rng(0)):
