@@ -135,44 +135,63 @@ def foresee(observations: NDArray[Any], directions: NDArray[Any], rolls: NDArray
     sizes = np.minimum(np.hypot(walls[..., 0], walls[..., 1]) / 2.0, 1.0)
     legs, rows = lines(corners, directions), np.arange(len(seen))[:, None]
     first, goal = legs[0].way, cup(seen)[:, None]
-    ahead, left = (first * goal).sum(-1), _cross(first, goal)
-    away = np.hypot(ahead, left)
-    slope = seen[:, None, SLOPE : SLOPE + 2]
-    still = np.zeros_like(directions)
-    lined = [(first * slope).sum(-1), _cross(first, slope), seen[:, DEPTH, None] + still, seen[:, HEIGHT, None] + still]
-    # The tee is in the middle of a level's bounds, behind: what is ahead, where no cup is to be seen? And a ball that
-    # has taken many strokes lies where putts are not what they seem.
-    place = 2.5 * seen[:, None, :2]
-    lined += [(first * place).sum(-1), _cross(first, place), seen[:, STROKES, None] + still]
-    lined += [away / 4.0, ahead / 4.0, *_scales(left, 0.05, 0.2, 1.0, 4.0)]
+    away = np.hypot(goal[..., 0], goal[..., 1])
+    short = _rests(legs, roll) - goal[:, :, None]
+    lined = _surroundings(seen, first)
     rolled = [np.sqrt(roll / TOP_ROLL), roll / TOP_ROLL, *_scales(roll - away[..., None], 1.0, 6.0, 36.0)]
-    rest, rolls_on = np.zeros((*roll.shape, 2), np.float32), np.ones(roll.shape, np.bool_)
     for leg in legs:
-        to_cup = goal - leg.start
-        # A wall that is not sure is looked past: the cup may be behind.
-        visible = np.where(sure[rows, leg.wall], leg.length, 2.0 * REACH)
-        beside, until = _cross(leg.way, to_cup), np.clip((to_cup * leg.way).sum(-1), 0.0, visible)
-        missed = to_cup - until[..., None] * leg.way
-        miss = np.hypot(missed[..., 0], missed[..., 1])
-        lined += [*_scales(np.copysign(miss, beside), 0.05, 0.3, 2.0), leg.length / 4.0, until / 4.0]
+        miss, until = _passes(leg, goal, sure[rows, leg.wall])
+        lined += [*_scales(miss, 0.05, 0.3, 2.0), leg.length / 4.0, until / 4.0]
         lined += [sure[rows, leg.wall], sizes[rows, leg.wall], (leg.way * first).sum(-1), _cross(first, leg.way)]
         there = roll - until[..., None]
         # Whether it drops, as one number: over the cup, and not too fast.
         slow = np.where(there > 0.0, np.exp(-np.maximum(there, 0.0) / 3.0), 0.0)
-        drops = np.exp(-np.square(miss / 0.04))[..., None] * slow
-        rolled += [*_scales(there, 1.0, 8.0), drops]
-        way, length = leg.way[:, :, None], leg.length[..., None]
-        last = leg is legs[-1]
-        end = leg.start[:, :, None] + (roll if last else np.minimum(roll, length))[..., None] * way
-        rest = np.where(rolls_on[..., None], end, rest)
-        rolls_on &= roll > length
-        roll = (roll - length) * SHARE
-    short = rest - goal[:, :, None]
+        rolled += [*_scales(there, 1.0, 8.0), np.exp(-np.square(miss / 0.04))[..., None] * slow]
+        roll = (roll - leg.length[..., None]) * SHARE
     rolled += _scales(np.hypot(short[..., 0], short[..., 1]), 4.0, 0.5)
-    sights = np.empty((*rolls_on.shape, len(lined) + len(rolled)), np.float32)
+    sights = np.empty((*roll.shape, len(lined) + len(rolled)), np.float32)
     for k, numbers in enumerate([*(number[..., None] for number in lined), *rolled]):
         sights[..., k] = numbers
     return sights
+
+
+def _surroundings(seen: Array, ahead: Array) -> list[NDArray[Any]]:
+    """Return numbers (N, D) of what balls (N, 48) see that is no wall, along unit vectors (N, D, 2) and to the left."""
+    goal = cup(seen)[:, None]
+
+    def same(number: int) -> Array:
+        return np.broadcast_to(seen[:, number, None], ahead.shape[:2])
+
+    def turned(way: Array) -> list[Array]:
+        return [(ahead * way).sum(-1), _cross(ahead, way)]
+
+    until, left = turned(goal)
+    # The tee is in the middle of a level's bounds: what is ahead, where the cup is out of sight, is away from it. And a
+    # ball that has taken many strokes lies where putts are not what they seem.
+    place = 2.5 * seen[:, None, :2]
+    known = [*turned(seen[:, None, SLOPE : SLOPE + 2]), same(DEPTH), same(HEIGHT), *turned(place), same(STROKES)]
+    return [*known, np.hypot(until, left) / 4.0, until / 4.0, *_scales(left, 0.05, 0.2, 1.0, 4.0)]
+
+
+def _passes(leg: Leg, goal: Array, sure: NDArray[np.bool_]) -> tuple[Array, Array]:
+    """Return by how much legs miss the cup (N, D), which is positive on the left, and how far along they are there."""
+    to_cup = goal - leg.start
+    # A wall that is not sure is looked past: the cup may be behind.
+    until = np.clip((to_cup * leg.way).sum(-1), 0.0, np.where(sure, leg.length, 2.0 * REACH))
+    missed = to_cup - until[..., None] * leg.way
+    return np.copysign(np.hypot(missed[..., 0], missed[..., 1]), _cross(leg.way, to_cup)), until
+
+
+def _rests(legs: list[Leg], roll: Array) -> Array:
+    """Return where putts of rolls (N, D, S) come to rest, (N, D, S, 2), from the ball."""
+    rest, rolls_on = np.zeros((*roll.shape, 2), np.float32), np.ones(roll.shape, np.bool_)
+    for leg in legs:
+        length = leg.length[..., None]
+        gone = roll if leg is legs[-1] else np.minimum(roll, length)
+        rest = np.where(rolls_on[..., None], leg.start[:, :, None] + gone[..., None] * leg.way[:, :, None], rest)
+        rolls_on &= roll > length
+        roll = (roll - length) * SHARE
+    return rest
 
 
 class Effort(NamedTuple):

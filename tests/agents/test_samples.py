@@ -90,6 +90,19 @@ def test_the_generalist_goes_on(tmp_path: Path) -> None:
             assert all(np.array_equal(one, two) for one, two in zip(layer, other, strict=True))
 
 
+def test_a_seed_gives_the_same_generalist(tmp_path: Path) -> None:
+    """Bit for bit, though it plays while it learns; another seed gives another."""
+    models = []
+    for name, seed in (("a", 3), ("b", 3), ("c", 4)):
+        folder = tmp_path / name
+        folder.mkdir()
+        training = train_generalist.Training(train_generalist.Args(seed=seed, **SMALL_GENERALIST), folder)
+        training.run()
+        training.keep("model.npz")
+        models.append((folder / "model.npz").read_bytes())
+    assert models[0] == models[1] != models[2]
+
+
 def test_a_judge_learns_which_putts_hole_out(tmp_path: Path) -> None:
     """After some putts on one level, those that holed out are judged likelier to than others."""
     args = train_generalist.Args(
