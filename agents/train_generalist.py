@@ -7,7 +7,7 @@ That is regression, without a gradient of a policy: which of several ways to the
 to the next, and a judge of putts can say so where the one mean of a Gaussian ends between them.
 
 ``python -m agents.train_generalist``; then ``minigolf benchmark --policy runs/procedural-1/best.npz`` compares it with
-search on fixed sets of levels. docs/training.md says what it reaches.
+search on fixed sets of levels. docs/training.md says what it reaches and what else was tried.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class Args(runs.Run):
     """Of the levels, all learned and scored."""
     num_levels: int | None = 500_000
     observation: str = "rays"
-    putts: int = 1_500_000
+    putts: int = 1_000_000
     """Putts to try."""
     num_envs: int = 128
     """Of each difficulty."""

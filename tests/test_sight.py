@@ -119,6 +119,9 @@ def test_a_putt_straight_at_the_cup_drops() -> None:
     np.testing.assert_allclose(sight[:, 9:13], 0.0, atol=1e-5)
     drops = 20 + 9 * LEGS
     assert sight[0, drops] > 0.9 and sight[1, drops] == 0.0
+    # Aimed to the right of it, the cup is to the left: of the putt, and of the first leg.
+    aside = foresee(seen, np.array([[direction - 0.1]]), np.array([[[away]]]))[0, 0, 0]
+    np.testing.assert_allclose([aside[11], aside[15]], [away * np.sin(0.1), away * np.sin(0.1) / 2.0], rtol=1e-3)
 
 
 def test_the_best_putt_is_found() -> None:
