@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from minigolf_env.envs import MiniGolfEnv
+from minigolf_env.envs import MiniGolfEnv, MiniGolfVectorEnv
 from minigolf_env.network import Layer, Network
 from minigolf_env.policies import ModelPolicy, RandomPolicy, load_policy
+from minigolf_env.scoring import play_together
 from minigolf_env.sight import NUMBERS
 
 
@@ -40,6 +41,16 @@ def test_a_judge_of_other_numbers_is_refused(tmp_path: Path) -> None:
     putts = policy.act_many(seen)
     assert np.abs(putts).max() <= 1.0
     assert all(policy.act(row, env).tobytes() == putt.tobytes() for row, putt in zip(seen, putts, strict=True))
+
+
+def test_the_generalist_plays_levels_it_has_never_seen() -> None:
+    """Well below the strokes of two putts on each."""
+    policy = load_policy("generalist")
+    assert isinstance(policy, ModelPolicy)
+    envs = MiniGolfVectorEnv(30, "procedural", difficulty="easy", observation="rays", tee="fixed", num_levels=1)
+    played = play_together(envs, policy, None, {"level": list(range(2_000_000, 2_000_030))})
+    assert all(episode.holed for episode in played)
+    assert np.mean([episode.strokes for episode in played]) < 1.9
 
 
 def test_unknown_players_are_refused(tmp_path: Path) -> None:
