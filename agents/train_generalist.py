@@ -262,6 +262,8 @@ def main(args: Args) -> list[Score]:
     began = time.monotonic()
     if args.observation != "rays" or args.reward != "shaped":
         raise SystemExit(f"expected observation rays and reward shaped, received {args.observation} and {args.reward}.")
+    if args.difficulty is not None:
+        raise SystemExit(f"difficulty: expected none, received {args.difficulty!r}; give --difficulties, one or more.")
     args, folder = runs.begin(args)
     torch.set_num_threads(1)  # The network is tiny, and another thread plays.
     training = Training(args, folder)

@@ -124,6 +124,7 @@ def test_a_judge_learns_which_putts_hole_out(tmp_path: Path) -> None:
         ({"reward": "strokes"}, "shaped"),
         ({"observation": "state"}, "rays"),
         ({"difficulties": ("soft",)}, "difficulty"),
+        ({"difficulty": "hard"}, "--difficulties"),
     ],
     ids=str,
 )
