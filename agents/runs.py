@@ -25,13 +25,12 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback, ProgressBarCallback
 from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from stable_baselines3.common.save_util import load_from_zip_file
-from stable_baselines3.common.vec_env import VecEnv, VecMonitor
+from stable_baselines3.common.vec_env import VecMonitor
 
-from agents.facing_vec_env import FacingVecEnv
 from agents.sb3_vec_env import SB3VecEnv
 from minigolf_env import evaluation, scoring
 from minigolf_env.files import remove_parts, write_text, writing
-from minigolf_env.policies import PredictPolicy, load_policy
+from minigolf_env.policies import Policy, PredictPolicy, load_policy
 
 CONSOLE = Console()
 
@@ -48,8 +47,6 @@ class Run:
     """Levels to train on, from level 0 on; checkpoints are scored on others."""
     observation: str = "state"
     """What the agent sees: state, rays or pixels."""
-    facing: bool = False
-    """Whether it sees rays, and putts, as if the cup were straight ahead."""
     reward: str = "shaped"
     """What it learns from: shaped or strokes."""
     putt_noise: tuple[float, float] = (0.0, 0.0)
@@ -82,6 +79,11 @@ class Run:
         """What is played, in training and in scores."""
         return {"course": self.course, "difficulty": self.difficulty, "putt_noise": self.putt_noise}
 
+    @property
+    def games(self) -> list[dict[str, Any]]:
+        """The games that checkpoints and the closing table are scored on."""
+        return [self.game]
+
 
 Args = TypeVar("Args", bound=Run)
 
@@ -104,7 +106,7 @@ def run(args: Args, build: Build[Args], callbacks: Callable[[Args], Sequence[Bas
     args, folder = begin(args)
     learner = train(args, build, callbacks(args), folder)
     with stoppable(folder, lambda: None):
-        return end(args, learner, folder, began)
+        return end(args, type(learner).__name__, best_of(learner, args, folder), folder / "best.zip", began)
 
 
 def begin(args: Args) -> tuple[Args, Path]:
@@ -135,24 +137,27 @@ def check(args: Run) -> None:
     if args.start is not None and not args.start.is_file():
         raise SystemExit(f"start: expected a model's .zip file, there is none at {args.start}.")
     try:
-        make_envs(dataclasses.replace(args, num_envs=1)).close()
+        for game in args.games:
+            make_batch(dataclasses.replace(args, num_envs=1), game).close()
     except ValueError as error:
         raise SystemExit(str(error)) from error
 
 
-def end(args: Run, learner: type[BaseAlgorithm], folder: Path, began: float) -> list[evaluation.Score]:
-    """Make and print the table of a run that began at a time of the monotonic clock; say what to do with the model."""
-    scores = final_table(args, learner, folder)
-    evaluation.print_scores(scores)
-    CONSOLE.print(f"{time.monotonic() - began:.0f} s in all. Log: tensorboard --logdir {folder}", soft_wrap=True)
+def end(args: Run, name: str, best: Policy, file: Path, began: float) -> list[evaluation.Score]:
+    """Make and print the tables of a run's best model, a file in its folder; say what to do with it.
+
+    ``name`` is what they call it, ``began`` when the run began, by the monotonic clock.
+    """
+    scores = final_tables(args, name, best, file.parent)
+    CONSOLE.print(f"{time.monotonic() - began:.0f} s in all. Log: tensorboard --logdir {file.parent}", soft_wrap=True)
     if args.observation != "pixels":  # Files of convolutional networks are read by stable-baselines3 alone.
-        words = f"minigolf video --policy {folder / 'best.zip'} --course {args.course} -o putt.mp4"
+        words = f"minigolf video --policy {file} --course {args.course} -o putt.mp4"
         CONSOLE.print(f"Watch it play: {words}", soft_wrap=True)
     return scores
 
 
-def train(args: Args, build: Build[Args], callbacks: Sequence[BaseCallback], folder: Path) -> type[BaseAlgorithm]:
-    """Learn until the putts are played, from the folder's checkpoint if it has one; return the algorithm's class."""
+def train(args: Args, build: Build[Args], callbacks: Sequence[BaseCallback], folder: Path) -> BaseAlgorithm:
+    """Learn until the putts are played, from the folder's checkpoint if it has one; return the learner."""
     torch.set_num_threads(1)  # The networks are tiny: a second thread mostly waits for the first, at full load.
     envs = make_envs(args)
     model = build(args, envs)
@@ -179,7 +184,7 @@ def train(args: Args, build: Build[Args], callbacks: Sequence[BaseCallback], fol
             checkpoints.check()
     finally:
         envs.close()
-    return type(model)
+    return model
 
 
 def restore(model: BaseAlgorithm, path: Path) -> None:
@@ -197,20 +202,22 @@ def restore(model: BaseAlgorithm, path: Path) -> None:
         setattr(model, count, about[count])
 
 
+def make_batch(args: Run, game: dict[str, Any]) -> gym.vector.VectorEnv[Any, Any, Any]:
+    """Return the native batch that a game is learned in."""
+    return gym.make_vec(
+        "minigolf_env:MiniGolf-v0",
+        num_envs=args.num_envs,
+        autoreset_mode="SameStep",
+        observation=args.observation,
+        reward=args.reward,
+        num_levels=args.num_levels,
+        **game,
+    )
+
+
 def make_envs(args: Run) -> VecMonitor:
     """Return the native batch as stable-baselines3 wants it."""
-    envs: VecEnv = SB3VecEnv(
-        gym.make_vec(
-            "minigolf_env:MiniGolf-v0",
-            num_envs=args.num_envs,
-            autoreset_mode="SameStep",
-            observation=args.observation,
-            reward=args.reward,
-            num_levels=args.num_levels,
-            **args.game,
-        )
-    )
-    return VecMonitor(FacingVecEnv(envs) if args.facing else envs)
+    return VecMonitor(SB3VecEnv(make_batch(args, args.game)))
 
 
 @contextlib.contextmanager
@@ -224,17 +231,45 @@ def stoppable(folder: Path, save: Callable[[], None]) -> Iterator[None]:
     except TimeoutError:  # An OSError, too, but Ray's: it says nothing of the disk.
         raise
     except OSError as error:
-        raise SystemExit(f"Could not save: {error}. The last checkpoint is whole. {_go_on(folder)}") from error
+        kept = (
+            "The last checkpoint is whole." if (folder / "checkpoint.zip").is_file() else "There is no checkpoint yet."
+        )
+        raise SystemExit(f"Could not save: {error}. {kept} {_go_on(folder)}") from error
+
+
+class Progress:
+    """The scores of a run's checkpoints, over fixed episodes."""
+
+    def __init__(self, args: Run, folder: Path) -> None:
+        self.args, self.file = args, folder / "progress.json"
+        self.history: list[dict[str, float]] = json.loads(self.file.read_text()) if self.file.is_file() else []
+
+    def score(self, policy: Policy, putts: int, keep: Callable[[], None]) -> dict[str, float]:
+        """Score a policy after so many putts, keep it if it is the best so far, and note the means down."""
+        args, best = self.args, min((row["strokes"] for row in self.history), default=float("inf"))
+        settings: dict[str, Any] = {"episodes": args.check_episodes, "first_seed": args.check_seed, "quiet": True}
+        scores = [evaluation.evaluate(policy, "agent", **game, **settings) for game in args.games]
+        row = {
+            name: sum(getattr(score, name) for score in scores) / len(scores)
+            for name in ("strokes", "holed", "hole_in_one")
+        }
+        if row["strokes"] < best:
+            keep()
+        self.history.append({"putts": putts, **row})
+        write_text(self.file, json.dumps(self.history))
+        CONSOLE.print(
+            f"{putts:>10,} putts: {row['strokes']:.2f} strokes, {row['holed']:.0%} holed, "
+            f"{row['hole_in_one']:.0%} holes-in-one (best {min(best, row['strokes']):.2f})"
+        )
+        return row
 
 
 class Checkpoints(BaseCallback):
-    """Saves the model every so often, and keeps the one that scored best over fixed episodes."""
+    """Saves the model every so often, and keeps the one that scored best."""
 
     def __init__(self, args: Run, folder: Path) -> None:
         super().__init__()
-        self.args, self.folder = args, folder
-        progress = folder / "progress.json"
-        self.history: list[dict[str, float]] = json.loads(progress.read_text()) if progress.is_file() else []
+        self.args, self.folder, self.progress = args, folder, Progress(args, folder)
         self.saved_at = 0
 
     def _on_training_start(self) -> None:
@@ -250,29 +285,13 @@ class Checkpoints(BaseCallback):
 
     def check(self) -> None:
         """Save, score, and keep the model if it is the best so far."""
-        args, self.saved_at = self.args, self.num_timesteps
+        self.saved_at = self.num_timesteps
         self.save("checkpoint.zip")
-        score = evaluation.evaluate(
-            PredictPolicy(self.model, args.observation),
-            "agent",
-            **args.game,
-            episodes=args.check_episodes,
-            first_seed=args.check_seed,
-            quiet=True,
-        )
-        row = {name: getattr(score, name) for name in ("strokes", "holed", "hole_in_one")}
+        policy = PredictPolicy(self.model, self.args.observation)
+        row = self.progress.score(policy, self.num_timesteps, lambda: self.save("best.zip"))
         for name, value in row.items():
             self.logger.record(f"eval/{name}", value)
         self.logger.dump(self.num_timesteps)
-        best = min((row["strokes"] for row in self.history), default=float("inf"))
-        if score.strokes < best:
-            self.save("best.zip")
-        self.history.append({"putts": self.num_timesteps, **row})
-        write_text(self.folder / "progress.json", json.dumps(self.history))
-        CONSOLE.print(
-            f"{self.num_timesteps:>10,} putts: {score.strokes:.2f} strokes, {score.holed:.0%} holed, "
-            f"{score.hole_in_one:.0%} holes-in-one (best {min(best, score.strokes):.2f})"
-        )
 
     def save(self, name: str) -> None:
         """Save the model under a name in the run's folder."""
@@ -280,21 +299,32 @@ class Checkpoints(BaseCallback):
             self.model.save(part)
 
 
-def final_table(args: Run, learner: type[BaseAlgorithm], folder: Path) -> list[evaluation.Score]:
-    """Score random, search and the best model on the same episodes."""
-    best = PredictPolicy(learner.load(folder / "best.zip", device="cpu"), args.observation)
+def best_of(learner: BaseAlgorithm, args: Run, folder: Path) -> PredictPolicy:
+    """Return a player of a run's best model, whose weights the learner takes over."""
+    restore(learner, folder / "best.zip")
+    return PredictPolicy(learner, args.observation)
+
+
+def final_tables(args: Run, name: str, best: Policy, folder: Path) -> list[evaluation.Score]:
+    """Score random, search and the best model on the same episodes, print a table for each game, and store them."""
     players = {
         "random": (load_policy("random"), -(-args.final_episodes // 10)),
         "search": (load_policy("search"), args.search_episodes),
-        learner.__name__: (best, args.final_episodes),
+        name: (best, args.final_episodes),
     }
-    scores = [
-        evaluation.evaluate(policy, name, **args.game, episodes=episodes)
-        for name, (policy, episodes) in players.items()
-        if episodes > 0
+    tables = [
+        [
+            evaluation.evaluate(policy, player, **game, episodes=episodes)
+            for player, (policy, episodes) in players.items()
+            if episodes > 0
+        ]
+        for game in args.games
     ]
+    scores = [score for table in tables for score in table]
     record = [dataclasses.asdict(score) for score in scores]
     scoring.write_record(folder / "scores.json", "stable-baselines3", "torch", scores=record)
+    for table in tables:
+        evaluation.print_scores(table)
     return scores
 
 

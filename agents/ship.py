@@ -1,7 +1,7 @@
-"""Make the best model of a training run the one that ships with the package, "ppo".
+"""Make the best model of a training run the one that ships with the package: "ppo", or "generalist".
 
 ``python -m agents.ship runs/dogleg-1`` writes minigolf_env/models/dogleg.npz, and beside it a card, dogleg.json: how it
-was trained, what it scores, and its SHA-256.
+was trained, what it scores, and its SHA-256. Of a run of train_generalist it is procedural.npz.
 """
 
 from __future__ import annotations
@@ -13,12 +13,11 @@ from typing import Annotated, Any
 
 import tyro
 
-from agents.runs import read_args
-from agents.train_ppo import Args as TrainArgs
+from agents import runs, train_generalist, train_ppo
 from minigolf_env.evaluation import evaluate, print_scores
 from minigolf_env.files import writing
 from minigolf_env.network import read_network
-from minigolf_env.policies import SHIPPED, ModelPolicy
+from minigolf_env.policies import MODELS, SHIPPED, ModelPolicy
 from minigolf_env.scoring import write_record
 
 LARGEST = 200_000
@@ -31,16 +30,16 @@ class Args:
 
     run: Annotated[Path, tyro.conf.Positional]
     """The folder of a training run."""
-    output: Path = SHIPPED
-    """The model's file, .npz."""
+    folder: Path = MODELS
+    """Where the model and its card go."""
     episodes: int = 1000
     noise: tuple[float, float] = (0.5, 0.015)
     """The second score on the card is under this noise: standard deviations of direction (degrees) and speed."""
 
 
-def command(args: TrainArgs) -> str:
-    """Return the command line that trains with some arguments."""
-    words = ["python -m agents.train_ppo"]
+def command(name: str, args: runs.Run) -> str:
+    """Return the command line of the program train_NAME that trains with some arguments."""
+    words = [f"python -m agents.train_{name}"]
     for field in dataclasses.fields(args):
         value, flag = getattr(args, field.name), field.name.replace("_", "-")
         if value == field.default or field.name in ("out", "resume"):
@@ -54,22 +53,26 @@ def command(args: TrainArgs) -> str:
 
 def main(args: Args) -> None:
     """Write the model and its card, and print its scores."""
-    trained = read_args(TrainArgs, args.run)
-    with writing(args.output) as part:  # The model that shipped before stays until this one is scored.
-        read_network(args.run / "best.zip").save(part)
+    judges = (args.run / "best.npz").is_file()
+    name = "generalist" if judges else "ppo"
+    trained: runs.Run = runs.read_args(train_generalist.Args if judges else train_ppo.Args, args.run)
+    file = args.folder / SHIPPED[name]
+    with writing(file) as part:  # The model that shipped before stays until this one is scored.
+        read_network(args.run / ("best.npz" if judges else "best.zip")).save(part)
         size = part.stat().st_size
         if size > LARGEST:
             raise SystemExit(f"model: expected at most {LARGEST:,} bytes, received {size:,}; train a smaller network.")
         policy = ModelPolicy(part)
-        game: dict[str, Any] = {"course": trained.course, "difficulty": trained.difficulty, "episodes": args.episodes}
-        scores = [evaluate(policy, "ppo", **game, putt_noise=noise) for noise in ((0.0, 0.0), args.noise)]
+        noises: list[dict[str, Any]] = [{"putt_noise": (0.0, 0.0)}, {"putt_noise": args.noise}]
+        games = [{**game, **noise} for game in trained.games for noise in noises]
+        scores = [evaluate(policy, name, **game, episodes=args.episodes) for game in games]
     for score in scores:
         print_scores([score])
     write_record(
-        args.output.with_suffix(".json"),
+        file.with_suffix(".json"),
         "stable-baselines3",
         "torch",
-        command=command(trained),
+        command=command(name, trained),
         observation=policy.observation,
         sha256=policy.sha256,
         scores=[dataclasses.asdict(score) for score in scores],

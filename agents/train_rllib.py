@@ -30,6 +30,7 @@ from minigolf_env.courses import load_course
 from minigolf_env.courses.procedural import PROCEDURAL
 from minigolf_env.evaluation import Score
 from minigolf_env.files import publish
+from minigolf_env.policies import load_policy
 
 ENVIRONMENT = "minigolf_env:MiniGolf-v0"
 """With the module's name: a worker on another node has imported nothing of ours."""
@@ -267,12 +268,12 @@ def main(args: Args) -> list[Score]:
     import_ray(address)  # Where it is missing, nothing is begun.
     if args.num_env_runners < 1 or args.num_learners < 0:
         raise SystemExit("num_env_runners: expected at least 1; num_learners: at least 0.")
-    if args.facing or args.observation == "pixels" or args.start is not None:
-        raise SystemExit('observation: expected "state" or "rays", no --facing, no --start: those are for one machine.')
+    if args.observation == "pixels" or args.start is not None:
+        raise SystemExit('observation: expected "state" or "rays", no --start: those are for one machine.')
     args, folder = runs.begin(args)
     args = dataclasses.replace(args, address=address)
     train(args, folder)
-    return runs.end(args, PPO, folder, began)
+    return runs.end(args, PPO.__name__, load_policy(folder / "best.zip"), folder / "best.zip", began)
 
 
 if __name__ == "__main__":

@@ -41,7 +41,7 @@ def play(
 
     Args:
         course: a hole, "round" for the nine of a round, or "room" to throw a ball in three dimensions.
-        opponent: plays against you: "search", "random", "ppo" or a model's .zip or .npz file.
+        opponent: plays against you: "search", "random", "ppo", "generalist" or a model's .zip or .npz file.
         size: of the window, pixels.
         profile: "high", "fast" or "auto".
         log: print each event as a line of JSON, for programs that watch.
@@ -71,7 +71,7 @@ def video(
     Args:
         output: the file to write, .mp4 or .gif.
         course: the hole, or "round" for nine in turn.
-        policy: "search", "random", "ppo" or a model's .zip or .npz file.
+        policy: "search", "random", "ppo", "generalist" or a model's .zip or .npz file.
         episodes: how many to play: 9 are a whole round.
         seed: of the environment and the random policy.
         camera: "follow", "top", "tee" or "orbit".
@@ -174,7 +174,7 @@ def evaluate(
     $ minigolf evaluate --policy search --course procedural --difficulty medium --watch
 
     Args:
-        policy: "search", "random", "ppo" or a model's .zip or .npz file.
+        policy: "search", "random", "ppo", "generalist" or a model's .zip or .npz file.
         course: a hole's name or file, "round" for nine in turn, or "procedural" for levels.
         difficulty: of levels.
         episodes: how many.
@@ -222,7 +222,7 @@ def benchmark(
     $ minigolf benchmark --policy runs/procedural-1/best.zip --json scores.json
 
     Args:
-        policy: "search", "random", "ppo" or a model's .zip or .npz file.
+        policy: "search", "random", "ppo", "generalist" or a model's .zip or .npz file.
         difficulty: of the levels, one or more.
         levels: in each set.
         max_strokes: of an episode.

@@ -162,7 +162,8 @@ def print_scores(scores: Sequence[Score]) -> None:
 
     first = scores[0]
     noise = "noise of {:g} degrees and {:.1%}, ".format(*first.putt_noise) if any(first.putt_noise) else ""
-    table = Table(title=f"{first.course}: {noise}fixed seeds, [95 % confidence intervals]")
+    course = first.course if first.difficulty is None else f"{first.course}, {first.difficulty}"
+    table = Table(title=f"{course}: {noise}fixed seeds, [95 % confidence intervals]")
     for column in ("player", "episodes", "mean strokes", "holed out", "hole-in-one"):
         table.add_column(column, justify="left" if column == "player" else "right")
     for score in scores:

@@ -17,7 +17,7 @@ import struct
 import tokenize
 import zipfile
 import zlib
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any, NamedTuple
@@ -43,12 +43,14 @@ class Layer(NamedTuple):
 
 @dataclass(frozen=True)
 class Network:
-    """A fully connected network from observations to putts.
+    """A fully connected network from observations to putts, or one that judges putts.
 
     Args:
         layers: one after the other; the last has two outputs.
         activation: after every layer but the last, one of ``ACTIVATIONS``.
         squash: whether tanh brings the outputs to [-1, 1], as SAC learns it, or clipping does, as PPO does.
+        judges: whether it judges putts by their sight (sight.py). Its outputs are then the logit of the probability
+            that the putt holes out, and what softplus makes the strokes that are left if it does not.
 
     Raises:
         ValueError: the layers do not fit together, a number is not finite, or there is no such activation.
@@ -57,6 +59,7 @@ class Network:
     layers: tuple[Layer, ...]
     activation: str = "tanh"
     squash: bool = False
+    judges: bool = False
 
     def __post_init__(self) -> None:
         one_of(self.activation, ACTIVATIONS, "activation")
@@ -85,22 +88,43 @@ class Network:
         x = np.asarray(observations, dtype=np.float32)
         if x.ndim != 2 or x.shape[1] != self.inputs:
             raise ValueError(f"observations: expected shape (N, {self.inputs}), received {x.shape}.")
-        for i, (weights, bias) in enumerate(self.layers):
+        x = self._outputs(x, _row_by_row)
+        return np.tanh(x) if self.squash else np.clip(x, np.float32(-1.0), np.float32(1.0))
+
+    def cost(self, sights: NDArray[Any]) -> Array:
+        """Return the strokes (N, ...) that are expected to be left after putts of sights (N, ..., inputs).
+
+        Each of the N is a product of matrices of its own: a cost has the same bits whatever the N.
+        """
+        x = np.asarray(sights, dtype=np.float32)
+        outputs = self._outputs(x.reshape(len(x), -1, self.inputs), lambda x, layer: x @ layer.weights + layer.bias)
+        missed, after = np.exp(-np.logaddexp(0.0, outputs[..., 0])), np.logaddexp(0.0, outputs[..., 1])
+        return np.asarray(missed * after, dtype=np.float32).reshape(x.shape[:-1])
+
+    def _outputs(self, x: Array, through: Callable[[Array, Layer], Array]) -> Array:
+        for i, layer in enumerate(self.layers):
             if i > 0:
                 x = np.tanh(x) if self.activation == "tanh" else np.maximum(x, np.float32(0.0))
-            total = np.tile(bias, (len(x), 1))
-            for k, row in enumerate(weights):
-                total += x[:, k, None] * row
-            x = total
-        return np.tanh(x) if self.squash else np.clip(x, np.float32(-1.0), np.float32(1.0))
+            x = through(x, layer)
+        return x
 
     def save(self, path: str | Path) -> None:
         """Write the network to an .npz file; the same network gives the same bytes."""
         arrays: dict[str, Any] = {"activation": np.array(self.activation), "squash": np.array(self.squash)}
+        if self.judges:
+            arrays["judges"] = np.array(True)
         for i, (weights, bias) in enumerate(self.layers):
             arrays |= {f"weights_{i}": weights, f"bias_{i}": bias}
         with Path(path).open("wb") as file:
             np.savez_compressed(file, **arrays)
+
+
+def _row_by_row(x: Array, layer: Layer) -> Array:
+    """Return x @ weights + bias, (N, outputs), each row with the same bits whatever the N."""
+    total = np.tile(layer.bias, (len(x), 1))
+    for k, row in enumerate(layer.weights):
+        total += x[:, k, None] * row
+    return total
 
 
 LARGEST = 64_000_000
@@ -159,7 +183,7 @@ def _read_npz(path: Path) -> Network:
     layers = _layers([(arrays[f"weights_{i}.npy"], arrays[f"bias_{i}.npy"]) for i in range(count)])
     # As bytes: numpy's texts in a file may have characters that are none, with which Python's own do not work.
     activation = arrays["activation.npy"].astype("S80").item().decode("ascii")
-    return Network(layers, activation, bool(arrays["squash.npy"]))
+    return Network(layers, activation, bool(arrays["squash.npy"]), bool(arrays.get("judges.npy", False)))
 
 
 def _npy(content: bytes) -> NDArray[Any]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
@@ -13,17 +12,20 @@ from numpy.typing import NDArray
 
 from minigolf_env.envs import MiniGolfEnv
 from minigolf_env.envs.observations import OBSERVERS
-from minigolf_env.facing import VIEW, face_cup, turn
 from minigolf_env.network import read_network
 from minigolf_env.physics.checks import one_of
 from minigolf_env.planning import search
+from minigolf_env.sight import NUMBERS, best
 
 Action = NDArray[np.float32]
 
-POLICIES = ("random", "search", "ppo")
+MODELS = Path(__file__).parent / "models"
+"""The models that ship. The card beside each, .json, has its training command, scores and SHA-256."""
 
-SHIPPED = Path(__file__).parent / "models" / "dogleg.npz"
-"""The model "ppo", for the default hole; the card beside it, .json, has its training command, score and SHA-256."""
+SHIPPED = {"ppo": "dogleg.npz", "generalist": "procedural.npz"}
+"""Their files by name: "ppo" is for the default hole, "generalist" for procedural levels."""
+
+POLICIES = ("random", "search", *SHIPPED)
 
 
 class Policy(Protocol):
@@ -94,19 +96,19 @@ class ModelPolicy:
 
     def __init__(self, path: str | Path) -> None:
         self.network = read_network(path)
-        facing = self.network.inputs == VIEW
-        self.observation = "rays" if facing else _kind((self.network.inputs,))
-        self._play = _facing_cup(self.network) if facing else self.network
+        if self.network.judges and self.network.inputs != NUMBERS:
+            raise ValueError(f"model: expected a judge of {NUMBERS} numbers, received one of {self.network.inputs}.")
+        self.observation = "rays" if self.network.judges else _kind((self.network.inputs,))
         self.sha256 = _sha256(Path(path))
         """Of the file."""
 
     def act(self, observation: NDArray[Any], env: MiniGolfEnv) -> Action:
-        """Return the mean of the policy's distribution (2,)."""
+        """Return the mean of the policy's distribution (2,), or the putt that is judged best."""
         return np.asarray(self.act_many(observation[None])[0])
 
     def act_many(self, observations: NDArray[Any]) -> Action:
-        """Return the means (N, 2): each has the bits of ``act``."""
-        return self._play(observations)
+        """Return such putts (N, 2): each has the bits of ``act``."""
+        return best(observations, self.network.cost).actions if self.network.judges else self.network(observations)
 
 
 class PredictPolicy:
@@ -123,7 +125,6 @@ class PredictPolicy:
     def __init__(self, model: Any, observation: str) -> None:
         self.observation = one_of(observation, tuple(OBSERVERS), "observation")
         self._model = model
-        self._play = _facing_cup(self._predict) if model.observation_space.shape == (VIEW,) else self._predict
 
     def act(self, observation: NDArray[Any], env: MiniGolfEnv) -> Action:
         """Return what the model finds best (2,)."""
@@ -131,14 +132,11 @@ class PredictPolicy:
 
     def act_many(self, observations: NDArray[Any]) -> Action:
         """Return what the model finds best (N, 2)."""
-        return self._play(observations)
-
-    def _predict(self, observations: NDArray[Any]) -> Action:
         return np.asarray(self._model.predict(observations, deterministic=True)[0], dtype=np.float32)
 
 
 def load_policy(name: str | Path, seed: int = 0) -> Policy:
-    """Return the policy "random" (with its seed), "search", "ppo" (the model that ships), or the model in a file.
+    """Return the policy "random" (with its seed), "search", a model that ships by its name, or the model in a file.
 
     Raises:
         ValueError: the name is none of these, or the file holds something else.
@@ -147,36 +145,27 @@ def load_policy(name: str | Path, seed: int = 0) -> Policy:
     if Path(name).suffix in (".zip", ".npz"):
         return ModelPolicy(name)
     known = one_of(name, POLICIES, "policy (or a model's .zip or .npz file)")
-    if known == "ppo":
-        return _shipped()
+    if known in SHIPPED:
+        return _shipped(known)
     return RandomPolicy(seed) if known == "random" else SearchPolicy()
 
 
-def _shipped() -> ModelPolicy:
-    """Return the model that ships, if it is the one on its card."""
-    card = SHIPPED.with_suffix(".json")
-    if not (SHIPPED.is_file() and card.is_file()):
+def _shipped(name: str) -> ModelPolicy:
+    """Return a model that ships, if it is the one on its card."""
+    file = MODELS / SHIPPED[name]
+    card = file.with_suffix(".json")
+    if not (file.is_file() and card.is_file()):
         raise FileNotFoundError(
-            f"policy: expected the model that ships with the package, there is none at {SHIPPED}; "
-            "train one with `python -m agents.train_ppo` and name its .zip file."
+            f"policy: expected the model that ships with the package, there is none at {file}; "
+            f"train one with `python -m agents.train_{name}` and name its file."
         )
-    if _sha256(SHIPPED) != json.loads(card.read_text())["sha256"]:
+    if _sha256(file) != json.loads(card.read_text())["sha256"]:
         raise ValueError(f"policy: expected the model that {card} describes, received another; install again.")
-    return ModelPolicy(SHIPPED)
+    return ModelPolicy(file)
 
 
 def _sha256(path: Path) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest()
-
-
-def _facing_cup(play: Callable[[NDArray[Any]], Action]) -> Callable[[NDArray[Any]], Action]:
-    """Return a player of "rays" from one that learned from their view with the cup ahead."""
-
-    def faced(observations: NDArray[Any]) -> Action:
-        views, ahead = face_cup(observations)
-        return turn(play(views), ahead)
-
-    return faced
 
 
 def _kind(shape: tuple[int, ...]) -> str:

@@ -50,6 +50,23 @@ def test_a_network_is_what_it_says(activation: str, squash: bool) -> None:
         assert net(OBSERVATIONS[rows]).tobytes() == putts[rows].tobytes()
 
 
+def test_a_judge_is_what_it_says(tmp_path: Path) -> None:
+    """The chance to miss times the strokes that are left then, at any outputs; its file says that it judges."""
+    net = network(10, 16, 2, activation="relu", judges=True)
+    net.save(tmp_path / "judge.npz")
+    again = read_network(tmp_path / "judge.npz")
+    assert again.judges and not network(10, 2).judges
+    sights = 30.0 * OBSERVATIONS.reshape(5, 4, 5, 10)
+    costs = again.cost(sights)
+    assert costs.dtype == np.float32 and costs.shape == (5, 4, 5)
+    (one, two), x = net.layers, sights.astype(np.float64)
+    logit, after = np.moveaxis(np.maximum(x @ one.weights + one.bias, 0.0) @ two.weights + two.bias, -1, 0)
+    expected = np.exp(-np.logaddexp(0.0, logit)) * np.logaddexp(0.0, after)
+    assert np.abs(logit).max() > 100.0, "exp would overflow"
+    np.testing.assert_allclose(costs, expected, rtol=1e-3, atol=1e-5)
+    assert all(net.cost(sights[i : i + 1]).tobytes() == costs[i : i + 1].tobytes() for i in range(5))
+
+
 @pytest.mark.parametrize("shape", [(10,), (3, 9), (3, 11), (2, 3, 10), ()])
 def test_observations_of_another_shape_are_refused(shape: tuple[int, ...]) -> None:
     """Too many numbers would otherwise play all the same."""

@@ -7,8 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from minigolf_env.envs import MiniGolfEnv
-from minigolf_env.policies import RandomPolicy, load_policy
+from minigolf_env.envs import MiniGolfEnv, MiniGolfVectorEnv
+from minigolf_env.network import Layer, Network
+from minigolf_env.policies import ModelPolicy, RandomPolicy, load_policy
+from minigolf_env.scoring import play_together
+from minigolf_env.sight import NUMBERS
 
 
 def test_random_putts_fill_the_disc_evenly() -> None:
@@ -22,6 +25,32 @@ def test_random_putts_fill_the_disc_evenly() -> None:
     assert (lengths**2).mean() == pytest.approx(0.5, abs=0.03)
     assert np.abs(putts.mean(axis=0)).max() < 0.03
     assert np.array_equal(putts[0], RandomPolicy(seed=1).act(observation, env))
+
+
+def test_a_judge_of_other_numbers_is_refused(tmp_path: Path) -> None:
+    """It learned from another version's sights; and a judge plays by rays, alone as in a batch."""
+    for inputs in (NUMBERS, NUMBERS + 1):
+        weights = np.random.default_rng(0).normal(size=(inputs, 2)).astype(np.float32)
+        Network((Layer(weights, np.zeros(2, np.float32)),), judges=True).save(tmp_path / f"{inputs}.npz")
+    with pytest.raises(ValueError, match=f"judge of {NUMBERS} numbers, received one of {NUMBERS + 1}"):
+        load_policy(tmp_path / f"{NUMBERS + 1}.npz")
+    policy = ModelPolicy(tmp_path / f"{NUMBERS}.npz")
+    assert policy.observation == "rays"
+    env = MiniGolfEnv(observation="rays")
+    seen = np.array([env.reset(seed=seed)[0] for seed in range(3)])
+    putts = policy.act_many(seen)
+    assert np.abs(putts).max() <= 1.0
+    assert all(policy.act(row, env).tobytes() == putt.tobytes() for row, putt in zip(seen, putts, strict=True))
+
+
+def test_the_generalist_plays_levels_it_has_never_seen() -> None:
+    """Well below the strokes of two putts on each."""
+    policy = load_policy("generalist")
+    assert isinstance(policy, ModelPolicy)
+    envs = MiniGolfVectorEnv(30, "procedural", difficulty="easy", observation="rays", tee="fixed", num_levels=1)
+    played = play_together(envs, policy, None, {"level": list(range(2_000_000, 2_000_030))})
+    assert all(episode.holed for episode in played)
+    assert np.mean([episode.strokes for episode in played]) < 1.9
 
 
 def test_unknown_players_are_refused(tmp_path: Path) -> None:

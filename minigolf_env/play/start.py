@@ -33,7 +33,7 @@ def run(
 
     Args:
         course: a hole, "round" for the nine of a round, or "room" to throw a ball in three dimensions.
-        opponent: plays each hole after you: "search", "random", "ppo" or a model's file.
+        opponent: plays each hole after you: "search", "random", "ppo", "generalist" or a model's file.
         size: of the window, pixels.
         profile: "high", "fast" or "auto".
         log: whether to print each event as a line of JSON.

@@ -13,10 +13,12 @@ import pytest
 import torch
 from stable_baselines3 import PPO, SAC
 
-from agents import ship, train_ppo
+from agents import ship, train_generalist, train_ppo
 from minigolf_env import policies
 from minigolf_env.evaluation import evaluate
+from minigolf_env.network import Layer, Network
 from minigolf_env.policies import ModelPolicy, PredictPolicy, load_policy
+from minigolf_env.sight import NUMBERS
 
 ENV = "minigolf_env:MiniGolf-v0"
 SMALL = {"n_steps": 8, "batch_size": 8}
@@ -69,13 +71,13 @@ def test_the_model_that_ships(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     """A run's best becomes "ppo", with a card that says how to train it and what it scores; nothing else does."""
     run, shipped = tmp_path / "run", tmp_path / "models" / "dogleg.npz"
     run.mkdir()
-    monkeypatch.setattr(policies, "SHIPPED", shipped)
+    monkeypatch.setattr(policies, "MODELS", shipped.parent)
     with pytest.raises(FileNotFoundError, match="train one"):
         load_policy("ppo")
     PPO("MlpPolicy", gym.make(ENV), seed=0, device="cpu", **SMALL).save(run / "best.zip")
     trained = train_ppo.Args(seed=7)
     (run / "args.json").write_text(json.dumps({**dataclasses.asdict(trained), "out": None, "resume": None}))
-    ship.main(ship.Args(run, output=shipped, episodes=3))
+    ship.main(ship.Args(run, folder=shipped.parent, episodes=3))
     card = json.loads(shipped.with_suffix(".json").read_text())
     assert card["command"] == "python -m agents.train_ppo --seed 7"
     assert {"torch", "numpy", "minigolf_env"} <= set(card["versions"])
@@ -85,3 +87,20 @@ def test_the_model_that_ships(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
         file.write(b"x")
     with pytest.raises(ValueError, match="install again"):
         load_policy("ppo")
+
+
+def test_a_generalist_ships(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With its own program's command, and a score on each difficulty, without noise and with it."""
+    run, models = tmp_path / "run", tmp_path / "models"
+    run.mkdir()
+    monkeypatch.setattr(policies, "MODELS", models)
+    weights = np.random.default_rng(0).normal(size=(NUMBERS, 2)).astype(np.float32)
+    Network((Layer(weights, np.zeros(2, np.float32)),), judges=True).save(run / "best.npz")
+    trained = train_generalist.Args(seed=7)
+    (run / "args.json").write_text(json.dumps({**dataclasses.asdict(trained), "out": None, "resume": None}))
+    ship.main(ship.Args(run, folder=models, episodes=2))
+    card = json.loads((models / "procedural.json").read_text())
+    assert card["command"] == "python -m agents.train_generalist --seed 7"
+    assert [score["difficulty"] for score in card["scores"]] == ["easy", "easy", "medium", "medium"]
+    policy = load_policy("generalist")
+    assert isinstance(policy, ModelPolicy) and policy.observation == "rays" and policy.sha256 == card["sha256"]

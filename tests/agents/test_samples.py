@@ -13,9 +13,10 @@ import torch
 from stable_baselines3 import PPO
 
 from agents import runs, train_generalist, train_pixels, train_ppo, train_sac
-from agents.facing_vec_env import FacingVecEnv
-from minigolf_env.facing import VIEW
+from minigolf_env.evaluation import evaluate
+from minigolf_env.network import read_network
 from minigolf_env.policies import ModelPolicy
+from minigolf_env.sight import NUMBERS
 
 TINY: dict[str, Any] = {
     "putts": 64,
@@ -31,7 +32,6 @@ TINY: dict[str, Any] = {
     ("program", "more"),
     [
         (train_ppo, {"n_steps": 4, "batch_size": 16, "reward": "strokes", "putt_noise": (0.5, 0.015)}),
-        (train_generalist, {"n_steps": 2, "batch_size": 16, "num_levels": 3}),
         (train_sac, {"learning_starts": 16, "gradient_steps": 1, "batch_size": 8}),
     ],
     ids=lambda value: getattr(value, "__name__", ""),
@@ -54,13 +54,85 @@ def test_the_sample_on_pictures_runs(gl: None, tmp_path: Path) -> None:
     test_a_sample_runs(train_pixels, {"n_steps": 4, "batch_size": 16}, tmp_path)
 
 
-def test_the_generalist_is_scored_as_it_learned(tmp_path: Path) -> None:
-    """Its model faces the cup: the file alone plays as the learner did."""
+SMALL_GENERALIST: dict[str, Any] = {**TINY, "num_envs": 2, "tries": 8, "num_levels": 3, "memory": 50, "batch_size": 16}
+
+
+def test_the_generalist_runs(tmp_path: Path) -> None:
+    """It learns to tell putts apart, is scored on each difficulty, and its file alone plays as it did."""
     folder = tmp_path / "run"
-    settings = {"n_steps": 2, "batch_size": 16, "num_levels": 3}
-    train_generalist.main(train_generalist.Args(out=folder, **TINY, **settings))  # type: ignore[arg-type]
-    policy = ModelPolicy(folder / "best.zip")
-    assert policy.observation == "rays" and policy.network.inputs == VIEW
+    scores = train_generalist.main(train_generalist.Args(out=folder, **{**SMALL_GENERALIST, "putts": 640}))
+    history = json.loads((folder / "progress.json").read_text())
+    assert history[-1]["putts"] == 640 and len(history) > 2
+    assert [(score.policy, score.difficulty) for score in scores[1::2]] == [
+        ("generalist", "easy"),
+        ("generalist", "medium"),
+    ]
+    policy = ModelPolicy(folder / "best.npz")
+    assert policy.observation == "rays" and policy.network.judges and policy.network.inputs == NUMBERS
+    score = evaluate(policy, "generalist", "procedural", difficulty="easy", episodes=2, quiet=True)
+    assert dataclasses.replace(score, sha256=None) == dataclasses.replace(scores[1], sha256=None)
+    with pytest.raises(SystemExit, match="of another"):
+        train_ppo.main(train_ppo.Args(resume=folder))
+
+
+def test_the_generalist_goes_on(tmp_path: Path) -> None:
+    """From its last checkpoint, to the bit as it was saved; a new run may begin with its weights."""
+    args = train_generalist.Args(out=tmp_path / "a", **SMALL_GENERALIST)
+    train_generalist.main(args)
+    again = train_generalist.Training(args, tmp_path / "a")
+    assert again.putts == 64 and len(again.progress.history) == 3
+    stored = read_network(tmp_path / "a" / "checkpoint.npz")
+    begun = train_generalist.Training(
+        dataclasses.replace(args, seed=1, start=tmp_path / "a" / "checkpoint.npz"), tmp_path
+    )
+    for judge in (again.judge, begun.judge):
+        for layer, other in zip(judge.layers, stored.layers, strict=True):
+            assert all(np.array_equal(one, two) for one, two in zip(layer, other, strict=True))
+
+
+def test_a_seed_gives_the_same_generalist(tmp_path: Path) -> None:
+    """Bit for bit, though it plays while it learns; another seed gives another."""
+    models = []
+    for name, seed in (("a", 3), ("b", 3), ("c", 4)):
+        folder = tmp_path / name
+        folder.mkdir()
+        training = train_generalist.Training(train_generalist.Args(seed=seed, **SMALL_GENERALIST), folder)
+        training.run()
+        training.keep("model.npz")
+        models.append((folder / "model.npz").read_bytes())
+    assert models[0] == models[1] != models[2]
+
+
+def test_a_judge_learns_which_putts_hole_out(tmp_path: Path) -> None:
+    """After some putts on one level, those that holed out are judged likelier to than others."""
+    args = train_generalist.Args(
+        **{**SMALL_GENERALIST, "num_envs": 8, "memory": 20_000, "reuse": 4.0, "batch_size": 128, "num_levels": 1},
+        difficulties=("easy",),
+    )
+    training = train_generalist.Training(dataclasses.replace(args, putts=1_000_000), tmp_path)
+    for _ in range(100):
+        training.memory.add(*training.play(training.judge))
+        training.learn(4)
+    sights, targets = training.play(training.judge)
+    likely, holed = training.net(torch.from_numpy(sights))[:, 0].detach().numpy(), targets[:, 0] > 0.0
+    assert holed.any() and likely[holed].mean() > likely[~holed].mean() + 1.0
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"reward": "strokes"}, "shaped"),
+        ({"observation": "state"}, "rays"),
+        ({"difficulties": ("soft",)}, "difficulty"),
+        ({"difficulty": "hard"}, "--difficulties"),
+    ],
+    ids=str,
+)
+def test_the_generalist_says_what_is_wrong(wrong: dict[str, Any], message: str, tmp_path: Path) -> None:
+    """Before anything is made."""
+    with pytest.raises(SystemExit, match=message):
+        train_generalist.main(train_generalist.Args(**{**SMALL_GENERALIST, **wrong}, out=tmp_path / "run"))
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_seed_gives_the_same_model(tmp_path: Path) -> None:
@@ -102,29 +174,12 @@ def test_the_noise_narrows_on_its_way(tmp_path: Path) -> None:
     assert {noise for share, noise in seen if share > 0.5} == {-2.0}
 
 
-def test_facing_turns_what_stable_baselines3_sees() -> None:
-    """Each environment's view, and the last one of an episode; a putt along x goes to the cup."""
-    args = train_generalist.Args(**TINY, course="straight", difficulty=None, num_levels=None)
-    envs = runs.make_envs(args)
-    assert isinstance(envs.venv, FacingVecEnv)
-    first = np.asarray(envs.reset())
-    assert first.shape == (8, VIEW) and envs.observation_space.shape == (VIEW,)
-    ahead = np.tile(np.array([[0.1, 0.0]], np.float32), (8, 1))
-    after = np.asarray(envs.step(ahead)[0])
-    assert (after[:, 1] < first[:, 1]).all(), "closer to the cup"
-    for _ in range(9):
-        *_, dones, infos = envs.step(0.0 * ahead)
-    assert dones.all() and all(info["terminal_observation"].shape == (VIEW,) for info in infos)
-    envs.close()
-
-
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
         ({"course": "dogleggy"}, "did you mean 'dogleg'"),
         ({"difficulty": "medium"}, "difficulty"),
         ({"reward": "none"}, "reward"),
-        ({"facing": True}, "rays"),
         ({"final_episodes": 0}, "final_episodes"),
         ({"course": "procedural", "num_levels": 3_000_000}, "num_levels"),
     ],

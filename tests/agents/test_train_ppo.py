@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import base64
 import dataclasses
 import json
+import pickle
+import zipfile
 from pathlib import Path
+from typing import Any
 
 import pytest
 from stable_baselines3 import PPO
@@ -54,6 +58,35 @@ def test_an_interrupted_run_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     train_ppo.main(train_ppo.Args(resume=folder))
     model = PPO.load(folder / "checkpoint.zip")
     assert model.num_timesteps == TINY.putts and model.n_envs == TINY.num_envs
+
+
+class Trap:
+    """Makes a file when it is unpickled."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Return what unpickling calls."""
+        return Path.touch, (self.path,)
+
+
+def test_going_on_with_a_strangers_run_runs_no_code_of_its_files(tmp_path: Path) -> None:
+    """Neither of its checkpoint nor of its best model; stable-baselines3's own load would."""
+    folder, trap = tmp_path / "run", tmp_path / "sprung"
+    train_ppo.main(dataclasses.replace(TINY, out=folder))
+    for file in (folder / "checkpoint.zip", folder / "best.zip"):
+        with zipfile.ZipFile(file) as archive:
+            entries = {name: archive.read(name) for name in archive.namelist()}
+        about = json.loads(entries["data"])
+        about["trap"] = {":type:": "trap", ":serialized:": base64.b64encode(pickle.dumps(Trap(trap))).decode()}
+        with zipfile.ZipFile(file, "w") as archive:
+            for name, content in {**entries, "data": json.dumps(about)}.items():
+                archive.writestr(name, content)
+    train_ppo.main(train_ppo.Args(resume=folder))
+    assert not trap.exists()
+    PPO.load(folder / "best.zip")
+    assert trap.exists()
 
 
 def test_resuming_nothing_is_refused(tmp_path: Path) -> None:
