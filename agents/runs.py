@@ -231,9 +231,7 @@ def stoppable(folder: Path, save: Callable[[], None]) -> Iterator[None]:
     except TimeoutError:  # An OSError, too, but Ray's: it says nothing of the disk.
         raise
     except OSError as error:
-        kept = (
-            "The last checkpoint is whole." if (folder / "checkpoint.zip").is_file() else "There is no checkpoint yet."
-        )
+        kept = "The last checkpoint is whole." if any(folder.glob("checkpoint*")) else "There is no checkpoint yet."
         raise SystemExit(f"Could not save: {error}. {kept} {_go_on(folder)}") from error
 
 
