@@ -8,13 +8,15 @@ VENV_DISTRIBUTED ?= .venv-distributed
 # Test processes; 0 runs the tests in one (for a debugger: make test WORKERS=0 ARGS="--pdb").
 WORKERS ?= 2
 ARGS ?=
+# Tests that show the kernels at work in a minute or two without a compiler.
+UNCOMPILED := $(addprefix tests/physics/test_,$(addsuffix .py,bvh contact normals neighbourhood sweep swept_sphere world))
 
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 INSTALLED_DISTRIBUTED := $(VENV_DISTRIBUTED)/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help train test test-all test-distributed soak mutants bench lint check format clean
+.PHONY: help train test test-all test-distributed soak mutants mutants-envs coverage bench lint check format clean
 
 help: ## list the commands
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "make %-16s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -42,6 +44,19 @@ soak: $(INSTALLED) ## look at every one of 10^8 steps in random rooms (minutes)
 
 mutants: $(INSTALLED) ## break the physics in many ways: do the tests notice? (twenty minutes)
 	$(BIN)/python -m tests.mutations $(ARGS)
+
+mutants-envs: $(INSTALLED) ## the same for rules and courses, with mutmut: 60 faults a module (an hour)
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt mutmut==3.8.1
+	$(BIN)/python -m tests.mutants --sample 60 $(ARGS)
+
+# Compiled kernels are not seen: the tests that end in time are run once more without the compiler. Python's own floats
+# would divide by zero with a warning.
+coverage: $(INSTALLED) ## which lines of the package do the tests run, compiled and not? (half an hour)
+	$(BIN)/coverage erase
+	$(BIN)/coverage run -m pytest -n $(WORKERS)
+	NUMBA_DISABLE_JIT=1 $(BIN)/coverage run -m pytest -n $(WORKERS) -W ignore::RuntimeWarning $(UNCOMPILED)
+	$(BIN)/coverage combine
+	$(BIN)/coverage report
 
 lint: $(INSTALLED) ## check style, types and import rules
 	$(BIN)/ruff check
