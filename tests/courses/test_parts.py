@@ -276,6 +276,9 @@ def test_bounds_reach_around_the_lanes() -> None:
     made = Hole("two", tee=(0.3, 0.5)).add("lane", outline=LANE, border=0.1)
     made.add("lane", outline=[{"box": (3.5, 0, 4.5, 1)}], level=0.5, border=0.2)
     assert np.allclose(made.course().bounds, [(-0.1, -0.2, -0.3), (4.7, 1.2, 2.5)])
+    diamond = Hole("tip", tee=(0, 0)).add("lane", outline=[{"polygon": [(1, 0), (0, 1), (-1, 0), (0, -1)]}], border=0.1)
+    reach = 1.0 + 0.1 * math.sqrt(2.0)  # Borders have mitred corners.
+    assert np.allclose(diamond.course().bounds, [(-reach, -reach, -0.3), (reach, reach, 2.0)])
     solid = Hole("mesh", tee=(0.0, 0.0)).add("box", at=(0, 0, -0.1), size=(2, 1, 0.2)).course()
     assert np.allclose(solid.bounds, [(-1, -0.5, -0.5), (1, 0.5, 2.0)])
 
@@ -297,6 +300,8 @@ def test_no_cup_is_cut_below_what_stands_there(part: dict[str, Any]) -> None:
                 made.course()
         else:
             assert [one.name for one in made.course().parts][:2] == ["floor", "cup"]
+    ring = {"kind": "block", "outline": [{"box": (2.2, 0.2, 2.8, 0.8)}], "holes": [{"box": (2.3, 0.3, 2.7, 0.7)}]}
+    assert Hole("ring", tee=(0.4, 0.5), cup=(2.5, 0.5, 0.0)).add("lane", outline=LANE).add(**ring).course().cup
     low = {"kind": "block", "outline": [{"box": (2.4, 0.4, 2.6, 0.6)}], "bottom": -0.6, "top": -0.3}
     assert Hole("low", tee=(0.4, 0.5), cup=(2.5, 0.5, 0.0)).add("lane", outline=LANE).add(**low).course().cup
 

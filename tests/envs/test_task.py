@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
+import shapely
 
 from minigolf_env.envs import Task
 from minigolf_env.envs.options import make_task
@@ -36,6 +39,7 @@ def test_below_the_rim_means_holed_only_without_the_energy_to_leave(task: Task) 
     assert not task.is_holed(position, 1.01 * escape * up)
     aside = np.array([1.01 * task.cup.radius, 0.0, 0.0])
     assert not task.is_holed(position + 0.06 * up, 0.0 * up), "above the rim"
+    assert not task.is_holed(np.array([x, y, rim]), 0.0 * up), "level with the rim"
     assert not task.is_holed(position + aside, 0.0 * up), "beside the cup"
 
 
@@ -90,6 +94,9 @@ def test_each_ball_draws_from_its_own_stream() -> None:
     shares = np.array([np.random.default_rng(seed).random(2) for seed in range(3)])
     assert starts[:, :2] == pytest.approx(lower + shares * (upper - lower))
     assert starts[:, 2] == pytest.approx(task.course.tee.height + task.world.ball_radius)
+    stream = np.random.default_rng(0)
+    task.tee_off([stream])
+    assert stream.random() == np.random.default_rng(0).random(3)[2], "two numbers are drawn, no more"
     middle = make_task(tee="fixed").tee_off([np.random.default_rng(0)])
     assert middle[0] == pytest.approx([*task.course.tee.centre, starts[0, 2]])
 
@@ -126,6 +133,22 @@ def test_distance_is_zero_at_the_cup_and_shrinks_along_the_route(task: Task) -> 
     anywhere = np.random.default_rng(0).uniform(lower, upper, (1000, 3))
     straight = np.hypot(*(anywhere[:, :2] - np.array(task.cup.position)[:2]).T)
     assert (task.distance(anywhere) >= straight - 1e-12).all()
+
+
+@pytest.mark.parametrize("name", ["dogleg", "hill", "procedural-v1-hard-2"])
+def test_distance_goes_along_the_nearest_leg(name: str) -> None:
+    """Straight to its end, and along the legs after it; which is nearest, shapely says."""
+    task = make_task(name)
+    route, rng = np.array(task.course.route), np.random.default_rng(7)
+    legs = [shapely.LineString(pair) for pair in itertools.pairwise(route)]
+    lengths = [leg.length for leg in legs]
+    around = route[rng.integers(len(route), size=300)] + rng.normal(0.0, 0.7, (300, 2))
+    found = task.distance(np.column_stack([around, np.zeros(300)]))
+    for place, distance in zip(around, found, strict=True):
+        away = np.array([leg.distance(shapely.Point(place)) for leg in legs])
+        ways = [np.hypot(*(route[k + 1] - place)) + sum(lengths[k + 1 :]) for k in range(len(legs))]
+        nearest = np.flatnonzero(away <= away.min() + 1e-9)
+        assert min(abs(distance - ways[k]) for k in nearest) < 1e-9
 
 
 def test_shaping_adds_a_constant_to_every_episode(task: Task) -> None:
