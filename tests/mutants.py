@@ -208,7 +208,7 @@ def main(args: Args) -> int:
         sys.path.insert(0, str(copy))
         warm_up()
         for module, one in mutated.items():
-            began, dotted = time.perf_counter(), module[:-3].replace("/", ".")
+            began, dotted = time.perf_counter(), module[:-3].replace("/", ".").removesuffix(".__init__")
             chosen = [f"{dotted}.{mutant}" for mutant in one.mutant_names]
             chosen = [mutant for mutant in chosen if not args.names or any(part in mutant for part in args.names)]
             if args.sample is not None and len(chosen) > args.sample:

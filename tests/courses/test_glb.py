@@ -234,6 +234,8 @@ def test_arrays_are_read_as_they_lie(kind: str | None) -> None:
 
 def test_files_that_are_no_glb_are_refused() -> None:
     """Another magic number or version, or chunks longer than the file."""
+    alone = packed({"nodes": [{"name": "tee"}]}, b"")  # JSON to the last byte.
+    assert [one.name for one in read_scene(alone, Limits())[0]] == ["tee"]
     whole = write_scene([solid("a", (1, 1, 1), (0, 0, 0))], {"par": 3})
     assert read_scene(whole, Limits())[1] == {"par": 3} and read_scene(whole + b"more", Limits())
     for at, new, message in (

@@ -64,6 +64,16 @@ def test_another_process_makes_the_same_level() -> None:
     assert done.stdout.split(maxsplit=1) == [hashlib.sha256(here).hexdigest(), "set()\n"]
 
 
+def test_par_counts_the_legs() -> None:
+    """Two for a lane of one leg, one more for every two further ones, four at most."""
+    legs = set()
+    for difficulty, level in itertools.product(DIFFICULTIES, range(8)):
+        layout = lay_out(difficulty, Draws(GENERATOR, DIFFICULTIES.index(difficulty), level))
+        legs.add(layout.legs)
+        assert build_level(difficulty, level).par == {1: 2, 2: 3, 3: 3, 4: 4, 5: 4}[layout.legs]
+    assert legs == {1, 2, 3, 4, 5}
+
+
 def test_levels_differ() -> None:
     """By number and by difficulty."""
     prints = [fingerprint(build_level(difficulty, level)) for difficulty in DIFFICULTIES for level in range(10)]
