@@ -111,6 +111,14 @@ def test_a_hole_made_by_hand_is_played(tmp_path: Path) -> None:
     assert load_course(tmp_path / "hand.glb", cup_radius=0.1).cup.radius == 0.1  # type: ignore[union-attr]
 
 
+def test_a_tee_may_be_a_box(tmp_path: Path) -> None:
+    """The ball starts anywhere above it, at the level of its lowest corner."""
+    box = solid("tee box", (0.4, 0.6, 0.02), (-1.1, 0.0, 0.01))
+    course = load_course(write(by_hand(tee=box), tmp_path / "hand.glb"))
+    assert course.tee.lower == pytest.approx((-1.3, -0.3)) and course.tee.upper == pytest.approx((-0.9, 0.3))
+    assert course.tee.height == pytest.approx(0.0) and len(course.parts) == 6
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -222,6 +230,10 @@ def test_arrays_are_read_as_they_lie(kind: str | None) -> None:
         (lambda d: d["bufferViews"][0].update(byteOffset=10_000), "beyond the file"),
         (lambda d: d["bufferViews"][0].update(buffer=1), "outside of the file"),
         (lambda d: d["meshes"][0]["primitives"][0].update(mode=1), "lines or points"),
+        (
+            lambda d: d["accessors"][0].update(count=3) if kind else d["nodes"][0].update(extras=7),
+            "beyond the positions|named",
+        ),
         (lambda d: d["nodes"][0].update(extras=[1]), "extras that are not named"),
         (lambda d: d["nodes"][0].update(scale=[1e7, 1, 1]), "a transform that is not finite"),
         (lambda d: d["nodes"][0].update(translation=[0, 2000, 0]), "positions beyond 1000 m"),

@@ -14,6 +14,7 @@ from trimesh import Trimesh
 
 from minigolf_env.courses import CourseError, Cup
 from minigolf_env.courses.builder import Hole
+from minigolf_env.courses.gltf import Object, write_scene
 from minigolf_env.courses.limits import Limits
 from minigolf_env.courses.meshes import cut_cup, inline_mesh
 from minigolf_env.courses.outlines import outline
@@ -382,3 +383,43 @@ def test_limits_are_the_most_that_is_taken() -> None:
     limits.check_cells((0.0, 0.0, 4.0, 2.0), (1.0, 1.0))
     with pytest.raises(CourseError, match="at most 30 cells, received 6 x 3"):
         limits.check_cells((1.0, 1.0, 7.0, 4.0), (1.0, 1.0))
+
+
+@pytest.mark.parametrize(
+    ("part", "message"),
+    [
+        ({"kind": "ramp", "start": (1, 0.5), "end": (1, 0.5), "width": 0.4, "height": 0.1}, "other than the start"),
+        (
+            {
+                "kind": "tunnel",
+                "start": (1, 0.5),
+                "end": (2, 0.5),
+                "width": 0.6,
+                "height": 0.4,
+                "roof": 0.2,
+                "door": 0.4,
+            },
+            "door: expected less than the width and the height",
+        ),
+        (
+            {
+                "kind": "tunnel",
+                "start": (1, 0.5),
+                "end": (2, 0.5),
+                "width": 0.2,
+                "height": 0.4,
+                "roof": 0.2,
+                "door": 0.2,
+            },
+            "door: expected less than the width and the height",
+        ),
+        ({"kind": "mesh", "file": "far.obj"}, "expected corners within 1000 m"),
+        ({"kind": "mesh", "file": "none.glb"}, "expected triangles, received 'none.glb' without any"),
+    ],
+)
+def test_parts_that_cannot_be_built_say_why(part: dict[str, Any], message: str, tmp_path: Path) -> None:
+    """Ramps that lead nowhere, doors wider than their house, meshes far away or without triangles."""
+    trimesh.creation.box((1, 1, 1), np.diag([1, 1, 1, 1]) + 2000.0 * np.eye(4, k=3)).export(tmp_path / "far.obj")
+    (tmp_path / "none.glb").write_bytes(write_scene([Object("nothing", (0.0, 0.0, 0.0), {}, None, None)], {}))
+    with pytest.raises(CourseError, match=f"part '.* 2': .*{message}"):
+        Hole("one", tee=(0.3, 0.5)).add("lane", outline=LANE).add(**part).course(tmp_path)
