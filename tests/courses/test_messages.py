@@ -64,6 +64,26 @@ def test_a_missing_key_is_told_with_the_line_of_its_table() -> None:
     assert message_of(text) == told
 
 
+def test_places_in_a_file_are_paths_of_keys() -> None:
+    """Kinds of corners and heights are no keys, and not in them."""
+    for part, path in (
+        ({"outline": [{"polygon": [(0, 0), (1, 0), {"via": (1, "x"), "to": (0, 1)}]}]}, "outline[0].polygon[2].via[1]"),
+        ({"outline": [{"polygon": [(0, 0), (1, "x"), (0, 1)]}]}, "outline[0].polygon[1][1]"),
+        (
+            {"outline": [{"box": (0, 0, 1, 1)}], "heights": [{"kind": "waves", "amplitude": 1, "length": 0}]},
+            "heights[0].length",
+        ),
+        (
+            {"outline": [{"box": (0, 0, 1, 1)}], "heights": [{"kind": "along", "profile": [(0, 0)]}]},
+            "heights[0].profile",
+        ),
+        ({"outline": [{"box": (0, 0, 1, 1)}], "heights": [{"kind": "radial", "at": (0, "x")}]}, "heights[0].at[1]"),
+    ):
+        with pytest.raises(CourseError) as told:
+            Hole("one", tee=(0, 0)).add("lane", **part).description()
+        assert str(told.value).startswith(f"one: parts[0].{path}: ")
+
+
 def test_keys_of_many_parts_are_refused_before_they_cost_time() -> None:
     """As many dots as are allowed are read, and then unknown."""
     assert "unknown key" in message_of("a" + ".a" * MOST_DOTS + " = 1")

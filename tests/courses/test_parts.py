@@ -12,8 +12,9 @@ import shapely
 import trimesh
 from trimesh import Trimesh
 
-from minigolf_env.courses import CourseError, Cup
+from minigolf_env.courses import CourseError, Cup, load_course
 from minigolf_env.courses.builder import Hole
+from minigolf_env.courses.glb import to_glb
 from minigolf_env.courses.gltf import Object, write_scene
 from minigolf_env.courses.limits import Limits
 from minigolf_env.courses.meshes import cut_cup, inline_mesh
@@ -423,3 +424,21 @@ def test_parts_that_cannot_be_built_say_why(part: dict[str, Any], message: str, 
     (tmp_path / "none.glb").write_bytes(write_scene([Object("nothing", (0.0, 0.0, 0.0), {}, None, None)], {}))
     with pytest.raises(CourseError, match=f"part '.* 2': .*{message}"):
         Hole("one", tee=(0.3, 0.5)).add("lane", outline=LANE).add(**part).course(tmp_path)
+
+
+@pytest.mark.parametrize("turn", [0, 90, 180, -90])
+def test_a_lane_with_heights_is_as_thick_below_its_lowest_place(turn: int) -> None:
+    """Wherever along it that is."""
+    dip = [{"kind": "along", "at": (1.5, 0.5), "turn": turn, "profile": [(0.2, 0.0), (0.4, -0.2)]}]
+    for level in (0.0, 0.3):
+        lane = Hole("dip", tee=(1.5, 0.5)).add("lane", outline=LANE, heights=dip, level=level, thickness=0.15, border=0)
+        assert lane.course().parts[0].mesh.vertices[:, 2].min() == pytest.approx(level - 0.2 - 0.15)
+
+
+def test_a_part_named_as_the_tee_is_none(tmp_path: Path) -> None:
+    """In a .glb file it is called a part; the tee stays one."""
+    made = Hole("one", tee=(0.3, 0.5)).add("lane", outline=LANE)
+    made.add("box", name="Tee post", at=(1.5, 0.5, 0.1), size=(0.1, 0.1, 0.3))
+    (tmp_path / "one.glb").write_bytes(to_glb(made.course()))
+    again = load_course(tmp_path / "one.glb")
+    assert again.tee == made.course().tee and again.parts[-1].name == "part Tee post"
