@@ -5,7 +5,9 @@ from __future__ import annotations
 import copy
 import dataclasses
 import itertools
+import os
 import pickle
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -136,3 +138,17 @@ def test_a_green_of_a_stimp_brakes_a_ball_within_so_many_feet(stimp: float) -> N
 def test_par_is_known_without_building(name: str) -> None:
     """As the course has it."""
     assert par_of(name) == load_course(name).par
+
+
+def test_a_file_that_changed_is_read_again(tmp_path: Path) -> None:
+    """As long as it stays as it is, the same request gives the same course."""
+    path = tmp_path / "lane.toml"
+    Hole("lane", tee=(0.3, 0.5), cup=(2.5, 0.5, 0.0), par=2).add("lane", outline=[{"box": (0, 0, 3, 1)}]).save(path)
+    first = load_course(path)
+    assert load_course(path) is load_course(str(path)) is first and load_course(path, cup_radius=0.06) is not first
+    path.write_text(path.read_text().replace("par = 2", "par = 3"))
+    os.utime(path, ns=(0, path.stat().st_mtime_ns + 1_000_000_000))
+    assert (first.par, load_course(path).par) == (2, 3)
+    assert load_course("procedural-v1-easy-17").name == "procedural-v1-easy-17"
+    with pytest.raises(CourseError, match=r"^course: expected one of .*'room', received 'windmill'"):
+        load_course("windmill")
