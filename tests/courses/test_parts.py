@@ -373,7 +373,6 @@ def test_limits_are_the_most_that_is_taken() -> None:
     limits.check_triangles(5)
     limits.check_bytes("file", 100)
     limits.check_bytes("file", 10, text=True)
-    limits.check_cells((0.0, 0.0, 2.0, 1.0), (1.0, 0.5))  # 4 cells, and a seam of 16.
     for refused in (
         lambda: limits.check_triangles(6),
         lambda: limits.check_bytes("file", 101),
@@ -381,9 +380,14 @@ def test_limits_are_the_most_that_is_taken() -> None:
     ):
         with pytest.raises(CourseError, match="expected at most"):
             refused()
-    limits.check_cells((0.0, 0.0, 4.0, 2.0), (1.0, 1.0))
-    with pytest.raises(CourseError, match="at most 30 cells, received 6 x 3"):
-        limits.check_cells((1.0, 1.0, 7.0, 4.0), (1.0, 1.0))
+    # So many cells, and a seam around them whose triangles are as narrow as the cells.
+    for box, cell, size, most in (((1, 1, 7, 4), (1, 1), "6 x 3", 18 + 18), ((1, 1, 7, 4), (2, 1), "3 x 3", 9 + 24)):
+        Limits(cells=most).check_cells(box, cell)
+        with pytest.raises(CourseError, match=f"at most {most - 1} cells, received {size}"):
+            Limits(cells=most - 1).check_cells(box, cell)
+    for text, name in ((False, "file_bytes"), (True, "text_bytes")):
+        with pytest.raises(CourseError, match=rf"load it with limits=Limits\({name}=\.\.\.\)"):
+            limits.check_bytes("file", 101, text)
 
 
 @pytest.mark.parametrize(
