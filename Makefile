@@ -8,8 +8,8 @@ VENV_DISTRIBUTED ?= .venv-distributed
 # Test processes; 0 runs the tests in one (for a debugger: make test WORKERS=0 ARGS="--pdb").
 WORKERS ?= 2
 ARGS ?=
-# Tests that show the kernels at work in a minute or two without a compiler.
-UNCOMPILED := $(addprefix tests/physics/test_,$(addsuffix .py,bvh contact normals neighbourhood sweep swept_sphere world))
+# Tests that show the kernels at work in minutes without a compiler.
+UNCOMPILED := $(addprefix tests/physics/test_,$(addsuffix .py,contact corners mesh normals simulate sweep swept_sphere world))
 
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed

@@ -16,7 +16,7 @@ from minigolf_env.physics.checks import finite_array, one_of, positive_number
 from minigolf_env.physics.kernel import announced_compilation
 from minigolf_env.physics.mesh import TriangleMesh
 from minigolf_env.physics.normals import triangle_records
-from minigolf_env.physics.sweep import sweep, sweep_scan
+from minigolf_env.physics.sweep import Collision, sweep, sweep_scan
 from minigolf_env.physics.types import (
     IMPACT,
     RESULT,
@@ -54,7 +54,7 @@ def sweep_sphere(start: ArrayLike, end: ArrayLike, radius: float, triangles: Arr
     _require_telling(radius, scale, "radius")
     with announced_compilation("sweep_sphere"):
         hit = sweep_scan(triangle_records(corners), Vec3(*p), Vec3(*(q - p)), radius, TOLERANCE * scale)
-    return Hit(hit.row >= 0, hit.alpha, np.array(hit.normal), hit.order)
+    return _hit_of(hit)
 
 
 class World:
@@ -138,7 +138,7 @@ class World:
         p, q = _point(start, "start"), _point(end, "end")
         with announced_compilation("sweep"):
             hit = sweep(self._scene, Vec3(*p), Vec3(*(q - p)))
-        return Hit(hit.row >= 0, hit.alpha, np.array(hit.normal), hit.order)
+        return _hit_of(hit)
 
     def sweep_batch(self, starts: ArrayLike, ends: ArrayLike) -> Hit:
         """Return the first collisions from starts (N, 3) to ends (N, 3), m: arrays, bit-equal to N calls of sweep.
@@ -271,6 +271,11 @@ class World:
                 f"max_time: expected {MOST_STEPS * self.dt:g} s at most, received {max_time!r}; give less."
             )
         return max(1, math.ceil(limit / self.dt - 1e-9))
+
+
+def _hit_of(found: Collision) -> Hit:
+    """Return a collision as plain numbers, which it is not if Python ran the kernels (NUMBA_DISABLE_JIT=1)."""
+    return Hit(bool(found.row >= 0), float(found.alpha), np.array(found.normal), int(found.order))
 
 
 def _require_telling(radius: float, scale: float, what: str) -> None:
