@@ -66,6 +66,7 @@ class Args:
     """Mutants of each module, drawn at random; all without."""
     seed: int = 0
     folder: str = "0"
+    """Name of the copy below build/; another for each that runs at a time."""
     jobs: int = 1
     """Mutants tested at a time."""
 
@@ -193,50 +194,52 @@ def main(args: Args) -> int:
     ]
     os.environ |= {"CI": "1", "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"}  # CI: the same examples each time.
     total: Counter[str] = Counter()
-    if True:
-        copy = ROOT / "build" / f"mutants-{args.folder}"
-        shutil.rmtree(copy, ignore_errors=True)
-        for part in ("minigolf_env", "tests", "benchmarks", "docs"):
-            shutil.copytree(ROOT / part, copy / part, ignore=shutil.ignore_patterns("__pycache__"))
-        shutil.copy(ROOT / "pyproject.toml", copy)
-        modules = [module for module in modules if not args.only or any(part in module for part in args.only)]
-        modules.sort(key=lambda module: min((k for k, part in enumerate(args.only) if part in module), default=0))
-        mutated = {module: mutate_file_contents(module, (ROOT / module).read_text()) for module in modules}
-        for module, one in mutated.items():
-            (copy / module).write_text(one.code)
-        os.chdir(copy)
-        sys.path.insert(0, str(copy))
-        warm_up()
-        for module, one in mutated.items():
-            began, dotted = time.perf_counter(), module[:-3].replace("/", ".").removesuffix(".__init__")
-            chosen = [f"{dotted}.{mutant}" for mutant in one.mutant_names]
-            chosen = [mutant for mutant in chosen if not args.names or any(part in mutant for part in args.names)]
-            if args.sample is not None and len(chosen) > args.sample:
-                chosen = random.Random(args.seed).sample(chosen, args.sample)  # noqa: S311 (not for secrets)
-            if not chosen:
-                continue
-            tests, results = tests_of(module), copy / "results"
-            results.mkdir(exist_ok=True)
-            failure = judge_all([""], tests, {}, 1, results)[""]
-            if failure:
-                print(f"The tests fail without a fault: {failure}", file=sys.stderr)
-                return 1
-            seconds: dict[str, Any] = ast.literal_eval((results / "intact.seconds").read_text())
-            noticed = judge_all(chosen, tests, seconds, args.jobs, results)
-            code, counts = functions(one.code), Counter[str]()
-            for mutant, test in noticed.items():
-                changed, text = difference(mutant.rpartition(".")[2], code)
-                counts[("killed" if test else "survived") + (" text" if text else "")] += 1
-                if not test:
-                    print(f"{mutant}{' (text)' if text else ''}\n{changed}", flush=True)
-                elif test.startswith(("pytest ended", "nothing ended")):
-                    print(f"{mutant}: {test}\n{changed}", flush=True)
-            total += counts
-            print(
-                f"== {module}: {len(chosen)} of {len(one.mutant_names)}, {dict(counts)}, "
-                f"{time.perf_counter() - began:.0f} s",
-                flush=True,
-            )
+    copy = ROOT / "build" / f"mutants-{args.folder}"
+    shutil.rmtree(copy, ignore_errors=True)
+    for part in ("minigolf_env", "tests", "benchmarks", "docs"):
+        shutil.copytree(ROOT / part, copy / part, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(ROOT / "pyproject.toml", copy)
+    modules = [module for module in modules if not args.only or any(part in module for part in args.only)]
+    modules.sort(key=lambda module: min((k for k, part in enumerate(args.only) if part in module), default=0))
+    mutated = {module: mutate_file_contents(module, (ROOT / module).read_text()) for module in modules}
+    for module, one in mutated.items():
+        (copy / module).write_text(one.code)
+    os.chdir(copy)
+    sys.path.insert(0, str(copy))
+    warm_up()
+    for module, one in mutated.items():
+        began, dotted = time.perf_counter(), module[:-3].replace("/", ".").removesuffix(".__init__")
+        chosen = [f"{dotted}.{mutant}" for mutant in one.mutant_names]
+        chosen = [mutant for mutant in chosen if not args.names or any(part in mutant for part in args.names)]
+        if args.sample is not None and len(chosen) > args.sample:
+            chosen = random.Random(args.seed).sample(chosen, args.sample)  # noqa: S311 (not for secrets)
+        if not chosen:
+            continue
+        tests, results = tests_of(module), copy / "results"
+        results.mkdir(exist_ok=True)
+        failure = judge_all([""], tests, {}, 1, results)[""]
+        if failure:
+            print(f"The tests fail without a fault: {failure}", file=sys.stderr)
+            return 1
+        seconds: dict[str, Any] = ast.literal_eval((results / "intact.seconds").read_text())
+        noticed = judge_all(chosen, tests, seconds, args.jobs, results)
+        code, counts = functions(one.code), Counter[str]()
+        for mutant, test in noticed.items():
+            changed, text = difference(mutant.rpartition(".")[2], code)
+            counts[
+                ("unclear" if test.startswith("pytest ended") else "killed" if test else "survived")
+                + (" text" if text else "")
+            ] += 1
+            if not test:
+                print(f"{mutant}{' (text)' if text else ''}\n{changed}", flush=True)
+            elif test.startswith(("pytest ended", "nothing ended")):
+                print(f"{mutant}: {test}\n{changed}", flush=True)
+        total += counts
+        print(
+            f"== {module}: {len(chosen)} of {len(one.mutant_names)}, {dict(counts)}, "
+            f"{time.perf_counter() - began:.0f} s",
+            flush=True,
+        )
     print(f"== all: {dict(total)}")
     return 0
 
