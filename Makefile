@@ -8,6 +8,8 @@ VENV_DISTRIBUTED ?= .venv-distributed
 # Test processes; 0 runs the tests in one (for a debugger: make test WORKERS=0 ARGS="--pdb").
 WORKERS ?= 2
 ARGS ?=
+# Tests that show the kernels at work in minutes without a compiler.
+UNCOMPILED := $(addprefix tests/physics/test_,$(addsuffix .py,contact corners mesh normals simulate sweep swept_sphere world))
 
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
@@ -15,7 +17,7 @@ INSTALLED_DOCS := $(VENV)/.installed-docs
 INSTALLED_DISTRIBUTED := $(VENV_DISTRIBUTED)/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help train test test-all test-distributed soak fuzz endurance supply mutants bench docs notebooks lint check format clean
+.PHONY: help train test test-all test-distributed soak fuzz endurance supply mutants mutants-envs coverage bench docs notebooks lint check format clean
 
 help: ## list the commands
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "make %-16s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -52,6 +54,19 @@ fuzz: $(INSTALLED) ## compare 10^5 sequences of calls with what must hold (an ho
 
 mutants: $(INSTALLED) ## break the physics in many ways: do the tests notice? (twenty minutes)
 	$(BIN)/python -m tests.mutations $(ARGS)
+
+mutants-envs: $(INSTALLED) ## the same for rules and courses, with mutmut: 60 faults a module (an hour)
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt mutmut==3.8.1
+	$(BIN)/python -m tests.mutants --sample 60 $(ARGS)
+
+# Compiled kernels are not seen: the tests that end in time are run once more without the compiler. Python's own floats
+# would divide by zero with a warning.
+coverage: $(INSTALLED) ## which lines of the package do the tests run, compiled and not? (half an hour)
+	$(BIN)/coverage erase
+	$(BIN)/coverage run -m pytest -n $(WORKERS)
+	NUMBA_DISABLE_JIT=1 $(BIN)/coverage run -m pytest -n $(WORKERS) -W ignore::RuntimeWarning $(UNCOMPILED)
+	$(BIN)/coverage combine
+	$(BIN)/coverage report
 
 docs: $(INSTALLED_DOCS) ## build the documentation: build/docs/index.html
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build

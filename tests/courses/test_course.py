@@ -4,13 +4,20 @@ from __future__ import annotations
 
 import copy
 import dataclasses
+import itertools
+import os
 import pickle
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from minigolf_env.courses import CourseError, list_courses, load_course, par_of
+from minigolf_env.courses import CourseError, Cup, Tee, list_courses, load_course, par_of
+from minigolf_env.courses.builder import Hole
+from minigolf_env.courses.shapes import SurfaceRecord
+from minigolf_env.courses.surfaces import known_surfaces, stimp_rolling
 from minigolf_env.envs import MiniGolfEnv
+from minigolf_env.physics import Status, Surface
 
 
 @pytest.mark.parametrize("k", [0, 1, 2])
@@ -32,7 +39,116 @@ def test_copies_of_environments_share_course_and_world() -> None:
     np.testing.assert_array_equal(pickle.loads(pickle.dumps(env)).step(putt)[0], env.step(putt)[0])  # noqa: S301
 
 
+@pytest.mark.parametrize("side", [0, 1])
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_bounds_hold_the_ball_wherever_it_has_to_be(axis: int, side: int) -> None:
+    """At every corner of the tee and on the cup's bottom: a face at its centre is refused, one just beyond is taken."""
+    course = load_course("dogleg")
+    assert course.cup is not None
+    x, y, rim = course.cup.position
+    tee = [(*corner, course.tee.height + course.ball_radius) for corner in (course.tee.lower, course.tee.upper)]
+    places = np.array([*tee, (x, y, rim - course.cup.depth + course.ball_radius)])
+    extreme = (places.min(axis=0), places.max(axis=0))[side][axis]
+    for step, fits in ((0.0, False), (1e-6, True), (-1e-6, False)):
+        bounds = np.array(course.bounds)
+        bounds[side, axis] = extreme + (step if side else -step)
+        change = {"bounds": tuple(map(tuple, bounds.tolist()))}
+        if fits:
+            assert dataclasses.replace(course, **change).bounds == change["bounds"]
+        else:
+            with pytest.raises(CourseError, match="bounds: expected a box around the ball"):
+                dataclasses.replace(course, **change)
+
+
+def test_a_world_is_the_course_with_its_time_step() -> None:
+    """Ball, gravity and bounds are the course's; a wall in one corner of the tee, or in the cup, is found."""
+    course = dataclasses.replace(load_course("dogleg"), gravity=(0.0, 0.0, -1.62))
+    world = course.world(dt=0.01, impact="conservative")
+    assert world.dt == 0.01 and world.ball_radius == course.ball_radius
+    start = np.array([*course.tee.centre, 0.5])
+    fallen = world.simulate(start, (0.0, 0.0, 0.0), max_time=0.5)
+    assert fallen.position[2] == pytest.approx(0.5 - 1.62 * 0.125)
+    gone = world.simulate(start, (0.0, 0.0, 500.0), max_time=0.5)
+    assert gone.status == Status.OUT_OF_BOUNDS
+    for x, y in itertools.product((0.2, 1.0), (0.325, 0.925)):
+        hole = Hole("post", tee={"lower": (0.2, 0.325), "upper": (1.0, 0.925)})
+        hole.add("lane", outline=[{"box": (0, 0, 3, 1.25)}]).add("cylinder", at=(x, y, -0.1), radius=0.03, height=0.2)
+        with pytest.raises(CourseError, match="is inside 'cylinder 2'"):
+            hole.course().world()
+
+
+def test_records_check_each_field() -> None:
+    """Cups and tees name it; a course's route has two points at least, and its ends within a nanometre."""
+    for make, message in (
+        (lambda: Cup((0.0, 0.0)), "cup: position"),  # type: ignore[arg-type]
+        (lambda: Cup((0.0, 0.0, 0.0), depth=0.0), "cup: depth"),
+        (lambda: Tee((0.0, np.nan), (1.0, 1.0), 0.0), "tee: lower"),
+        (lambda: Tee((0.0, 0.0), (1.0,), 0.0), "tee: upper"),  # type: ignore[arg-type]
+        (lambda: Tee((0.0, 0.0), (1.0, 1.0), np.inf), "tee: height"),
+        (lambda: Tee((0.0, 2.0), (1.0, 1.0), 0.0), "tee: expected lower <= upper"),
+    ):
+        with pytest.raises(CourseError, match=message):
+            make()
+    assert Tee((0.0, 1.0), (0.0, 3.0), 0.0).centre == (0.0, 2.0)
+    cup = Cup((0.0, 0.0, 0.0), 0.05, 0.03)
+    cup.check_takes(0.029)
+    for radius, message in ((0.03, "cup depth: expected more"), (0.06, "cup radius: expected more")):
+        with pytest.raises(CourseError, match=message):
+            cup.check_takes(radius)
+    course = load_course("dogleg")
+    part = course.parts[0]
+    for color in ((0.0, 0.5, 1.01), (-0.01, 0.5, 1.0), (0.5, 0.5)):
+        with pytest.raises(CourseError, match=f"part '{part.name}': color"):
+            dataclasses.replace(part, color=color)
+    assert dataclasses.replace(part, color=(0.0, 0.5, 1.0)).color == (0.0, 0.5, 1.0)
+    start, end = course.route[0], course.route[-1]
+    near = dataclasses.replace(course, route=((start[0] + 1e-10, start[1]), end))
+    assert len(near.route) == 2
+    for route in ((start,), (start, (end[0], end[1] + 1e-8)), ((start[0] - 1e-8, start[1]), end)):
+        with pytest.raises(CourseError, match="route: expected points from the tee's centre to the cup"):
+            dataclasses.replace(course, route=route)
+    assert dataclasses.replace(course, par=1).par == 1
+    for parts in ((), ("floor",), (part, "floor")):
+        with pytest.raises(CourseError, match="parts: expected at least one Part"):
+            dataclasses.replace(course, parts=parts)
+    room = load_course("room")
+    for change in ({"par": 3}, {"route": ((0.0, 0.0), (1.0, 1.0))}):
+        with pytest.raises(CourseError, match="expected None and"):
+            dataclasses.replace(room, **change)
+
+
+@pytest.mark.parametrize("stimp", [6.0, 10.0, 13.5])
+def test_a_green_of_a_stimp_brakes_a_ball_within_so_many_feet(stimp: float) -> None:
+    """Let go at 1.829 m/s on level ground; what is not said is the default; rolling goes before stimp."""
+    assert 1.829**2 / (2.0 * 9.81 * stimp_rolling(stimp)) == pytest.approx(0.3048 * stimp)
+    described = {
+        "felt": SurfaceRecord(stimp=stimp),
+        "mat": SurfaceRecord(rolling=0.2, stimp=stimp, restitution=0.1),
+        "plain": SurfaceRecord(damping=0.4, tangential=0.9, material="stone", color="#010203"),
+    }
+    looks = known_surfaces(described)
+    assert looks["felt"].surface.rolling == stimp_rolling(stimp) and looks["mat"].surface.rolling == 0.2
+    plain = looks["plain"].surface
+    assert (plain.damping, plain.tangential, plain.rolling) == (0.4, 0.9, Surface.rolling)
+    assert (looks["plain"].material, looks["plain"].color) == ("stone", "#010203")
+    assert looks["mat"].surface.restitution == 0.1 and looks["wood"].surface.damping == 0.7
+
+
 @pytest.mark.parametrize("name", [*list_courses(), "room"])
 def test_par_is_known_without_building(name: str) -> None:
     """As the course has it."""
     assert par_of(name) == load_course(name).par
+
+
+def test_a_file_that_changed_is_read_again(tmp_path: Path) -> None:
+    """As long as it stays as it is, the same request gives the same course."""
+    path = tmp_path / "lane.toml"
+    Hole("lane", tee=(0.3, 0.5), cup=(2.5, 0.5, 0.0), par=2).add("lane", outline=[{"box": (0, 0, 3, 1)}]).save(path)
+    first = load_course(path)
+    assert load_course(path) is load_course(str(path)) is first and load_course(path, cup_radius=0.06) is not first
+    path.write_text(path.read_text().replace("par = 2", "par = 3"))
+    os.utime(path, ns=(0, path.stat().st_mtime_ns + 1_000_000_000))
+    assert (first.par, load_course(path).par) == (2, 3)
+    assert load_course("procedural-v1-easy-17").name == "procedural-v1-easy-17"
+    with pytest.raises(CourseError, match=r"^course: expected one of .*'room', received 'windmill'"):
+        load_course("windmill")

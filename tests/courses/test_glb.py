@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import base64
+import io
 import json
 import random
 import struct
@@ -109,6 +111,14 @@ def test_a_hole_made_by_hand_is_played(tmp_path: Path) -> None:
     assert load_course(tmp_path / "hand.glb", cup_radius=0.1).cup.radius == 0.1  # type: ignore[union-attr]
 
 
+def test_a_tee_may_be_a_box(tmp_path: Path) -> None:
+    """The ball starts anywhere above it, at the level of its lowest corner."""
+    box = solid("tee box", (0.4, 0.6, 0.02), (-1.1, 0.0, 0.01))
+    course = load_course(write(by_hand(tee=box), tmp_path / "hand.glb"))
+    assert course.tee.lower == pytest.approx((-1.3, -0.3)) and course.tee.upper == pytest.approx((-0.9, 0.3))
+    assert course.tee.height == pytest.approx(0.0) and len(course.parts) == 6
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -148,6 +158,129 @@ def test_objects_below_others_are_placed_with_them() -> None:
     data["nodes"][0]["children"] = [1]
     with pytest.raises(CourseError, match="its own child"):
         read_scene(packed(data, content[20 + size :]), Limits())
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_transforms_are_those_that_other_programs_read(seed: int) -> None:
+    """Places, turns, sizes and matrices of nodes in nodes: trimesh finds the same corners, of mirrored objects too."""
+    rng = np.random.default_rng(seed)
+    content = write_scene([solid(name, (1, 2, 3), (0.1, 0.2, 0.3)) for name in "abc"], {})
+    size = struct.unpack_from("<I", content, 12)[0]
+    data = json.loads(content[20 : 20 + size])
+    for node in data["nodes"]:
+        del node["extras"][EXACT]
+        turn = rng.normal(size=4)
+        node["rotation"] = (turn / np.linalg.norm(turn)).tolist()
+        node["translation"] = rng.uniform(-5, 5, 3).tolist()
+        node["scale"] = (rng.uniform(0.5, 2, 3) * rng.choice([-1, 1], 3)).tolist()
+    whole = trimesh.transformations.random_rotation_matrix(rng.random(3))
+    whole[:3, 3] = rng.uniform(-5, 5, 3)
+    data["nodes"][2] = {"name": "c", "mesh": 2, "matrix": whole.T.ravel().tolist()}
+    data["nodes"][0]["children"], data["scenes"][0]["nodes"] = [1], [0, 2]
+    file = packed(data, content[20 + size :])
+    objects, _ = read_scene(file, Limits())
+    scene = trimesh.load_scene(io.BytesIO(file), file_type="glb")
+    for one in objects:
+        matrix, geometry = scene.graph[one.name]
+        known = trimesh.transform_points(scene.geometry[geometry].vertices, matrix)
+        assert one.vertices is not None and one.faces is not None
+        assert one.vertices == pytest.approx(known @ [[1, 0, 0], [0, 0, 1], [0, -1, 0]], abs=1e-5)
+        assert one.at == pytest.approx(matrix[:3, 3] @ [[1, 0, 0], [0, 0, 1], [0, -1, 0]], abs=1e-9)
+        assert trimesh.Trimesh(one.vertices, one.faces).volume > 0.0
+
+
+@pytest.mark.parametrize("kind", ["u1", "<u2", "<u4", None])
+def test_arrays_are_read_as_they_lie(kind: str | None) -> None:
+    """Small or large indices or none, apart from each other, at any offset of a view."""
+    corners = np.array([[0, 0, 0], [2, 0, 0], [0, 3, 0], [0, 0, 4], [2, 0, 4], [0, 3, 4]], "<f4")
+    faces = np.array([[0, 2, 1], [3, 4, 5]])
+    rows = np.zeros((6, 5), "<f4")
+    rows[:, :3] = corners
+    index = b"" if kind is None else faces.astype(kind).tobytes()
+    binary = b"\0" * 8 + b"\0" * 4 + rows.tobytes() + b"\0" * 4 + index
+    numbers = {"u1": 5121, "<u2": 5123, "<u4": 5125}
+    primitive: dict[str, Any] = {"attributes": {"POSITION": 0}}
+    data: dict[str, Any] = {
+        "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [primitive]}],
+        "accessors": [{"bufferView": 0, "byteOffset": 4, "componentType": 5126, "count": 6, "type": "VEC3"}],
+        "bufferViews": [{"byteOffset": 8, "byteLength": 4 + rows.nbytes, "byteStride": 20}],
+    }
+    if kind is not None:
+        primitive["indices"] = 1
+        data["accessors"].append({"bufferView": 1, "componentType": numbers[kind], "count": 6, "type": "SCALAR"})
+        data["bufferViews"].append({"byteOffset": len(binary) - len(index), "byteLength": len(index)})
+    rest = struct.pack("<I4s", len(binary), b"BIN\0") + binary
+    objects, extras = read_scene(packed(data, rest), Limits())
+    (one,) = objects
+    assert extras == {} and one.name == "node 0" and one.at == (0.0, 0.0, 0.0) and one.vertices is not None
+    assert np.array_equal(one.vertices, corners.astype(np.float64) @ [[1, 0, 0], [0, 0, 1], [0, -1, 0]])
+    assert np.array_equal(one.faces, [[0, 1, 2], [3, 4, 5]] if kind is None else faces)
+    for break_it, message in (
+        (lambda d: d["accessors"][0].update(count=7), "beyond its view"),
+        (lambda d: d["accessors"][0].update(count=0), "beyond its view"),
+        (lambda d: d["accessors"][0].update(count=-1), "beyond the file"),
+        (lambda d: d["accessors"][0].update(count=True), "beyond the file"),
+        (lambda d: d["accessors"][0].update(byteOffset=13), "beyond its view"),
+        (lambda d: d["accessors"][0].update(sparse={}), "another kind"),
+        (lambda d: d["accessors"][0].update(type="VEC2"), "another kind"),
+        (lambda d: d["accessors"][0].update(componentType=5125), "outside of the file"),
+        (lambda d: d["bufferViews"][0].update(byteStride=8), "beyond its view"),
+        (lambda d: d["bufferViews"][0].update(byteOffset=len(binary) - 100), "beyond its view"),
+        (lambda d: d["bufferViews"][0].update(byteOffset=10_000), "beyond the file"),
+        (lambda d: d["bufferViews"][0].update(buffer=1), "outside of the file"),
+        (lambda d: d["meshes"][0]["primitives"][0].update(mode=1), "lines or points"),
+        (
+            lambda d: d["accessors"][0].update(count=3) if kind else d["nodes"][0].update(extras=7),
+            "beyond the positions|named",
+        ),
+        (lambda d: d["nodes"][0].update(extras=[1]), "extras that are not named"),
+        (lambda d: d["nodes"][0].update(scale=[1e7, 1, 1]), "a transform that is not finite"),
+        (lambda d: d["nodes"][0].update(translation=[0, 2000, 0]), "positions beyond 1000 m"),
+    ):
+        broken = json.loads(json.dumps(data))
+        break_it(broken)
+        with pytest.raises(CourseError, match=message):
+            read_scene(packed(broken, rest), Limits())
+
+
+def test_files_that_are_no_glb_are_refused() -> None:
+    """Another magic number or version, or chunks longer than the file."""
+    alone = packed({"nodes": [{"name": "tee"}]}, b"")  # JSON to the last byte.
+    assert [one.name for one in read_scene(alone, Limits())[0]] == ["tee"]
+    whole = write_scene([solid("a", (1, 1, 1), (0, 0, 0))], {"par": 3})
+    assert read_scene(whole, Limits())[1] == {"par": 3} and read_scene(whole + b"more", Limits())
+    for at, new, message in (
+        (0, b"glTG", "the header"),
+        (4, b"\3", "the header"),
+        (8, struct.pack("<I", len(whole) + 1), "the header"),
+        (12, struct.pack("<I", len(whole)), "the JSON chunk"),
+        (16, b"JSOM", "the JSON chunk"),
+    ):
+        with pytest.raises(CourseError, match=message):
+            read_scene(whole[:at] + new + whole[at + len(new) :], Limits())
+
+
+def test_exact_corners_give_way_to_what_a_program_changed() -> None:
+    """Extra properties keep all bits of corners; an object that was moved, or is damaged, is what its positions say."""
+    corners = np.array([[0.1, 0.2, 0.3], [1.1, 0.2, 0.3], [0.1, 1.2, 0.3]])
+    content = write_scene([Object("a", (0.0, 0.0, 0.0), {}, corners, np.array([[0, 1, 2]]))], {})
+    size = struct.unpack_from("<I", content, 12)[0]
+    rest = content[20 + size :]
+    data = json.loads(content[20 : 20 + size])
+
+    def read(extra: Any, **node: Any) -> Any:
+        changed = json.loads(json.dumps(data))
+        changed["nodes"][0] |= {"extras": {EXACT: extra}, **node}
+        return read_scene(packed(changed, rest), Limits())[0][0].vertices
+
+    whole = data["nodes"][0]["extras"][EXACT]
+    rounded = corners.astype(np.float32).astype(np.float64)
+    assert np.array_equal(read(whole), corners)
+    assert np.array_equal(read(whole, translation=[1.0, 0.0, 0.0]), corners + np.eye(3)[0])
+    other = base64.b64encode((corners + 0.5).astype("<f8").tobytes()).decode()
+    for damaged in (other, whole[:-4], "?", 7, whole[:32], ""):
+        assert np.array_equal(read(damaged), rounded)
 
 
 def packed(data: dict[str, Any], rest: bytes) -> bytes:

@@ -15,10 +15,11 @@ import trimesh
 from benchmarks.levels import Args, examine
 from minigolf_env.courses import Course, CourseError, load_course
 from minigolf_env.courses.procedural import DIFFICULTIES, GENERATOR, LEVELS_KEPT, _build, level_name
+from minigolf_env.courses.procedural import layout as layouts
 from minigolf_env.courses.procedural.build import BORDER, FELT, build_level
 from minigolf_env.courses.procedural.draws import Draws
-from minigolf_env.courses.procedural.features import LEAST_SLOPE
-from minigolf_env.courses.procedural.layout import lay_out
+from minigolf_env.courses.procedural.features import FEATURES, LEAST_SLOPE, Feature
+from minigolf_env.courses.procedural.layout import Layout, lay_out
 from minigolf_env.envs import MiniGolfEnv
 from minigolf_env.envs.options import _world
 
@@ -26,7 +27,9 @@ PINNED = {
     ("easy", 0): "7032471adce0945f",
     ("easy", 2**31 - 1): "fb05a00a7563dc17",
     ("medium", 1): "00bfe365a5ccc638",
+    ("hard", 1): "35434fd33e342dcb",
     ("hard", 2): "70695ee18b5f94eb",
+    ("hard", 7): "9064d9f988e03743",
     ("hard", 12345): "8672e534c544804e",
 }
 """Each level's fingerprint. If a change of the levels is meant, raise GENERATOR and pin the new ones."""
@@ -51,6 +54,27 @@ def test_a_level_stays_what_it_is(difficulty: str, level: int) -> None:
     assert fingerprint(build_level(difficulty, level)) == PINNED[difficulty, level]
 
 
+def test_every_feature_is_in_a_pinned_level(monkeypatch: pytest.MonkeyPatch) -> None:
+    """So that a change of any of them is noticed."""
+    laid: list[str] = []
+
+    def attempt(difficulty: str, draws: Draws, legs: int) -> Layout:
+        laid.clear()  # Only the last lane that is tried is the level's.
+        return intact(difficulty, draws, legs)
+
+    def noted(feature: Feature) -> Feature:
+        return lambda lane, draws: (laid.append(feature.__name__), feature(lane, draws))[1]
+
+    intact = layouts._attempt
+    monkeypatch.setattr(layouts, "_attempt", attempt)
+    monkeypatch.setattr(layouts, "FEATURES", {key: tuple(map(noted, some)) for key, some in FEATURES.items()})
+    pinned = set()
+    for difficulty, level in PINNED:
+        lay_out(difficulty, Draws(GENERATOR, DIFFICULTIES.index(difficulty), level))
+        pinned |= set(laid)
+    assert pinned == {feature.__name__ for some in FEATURES.values() for feature in some}
+
+
 def test_another_process_makes_the_same_level() -> None:
     """Whatever seeds its hashes; and without the libraries of meshes, which take long to load."""
     code = (
@@ -62,6 +86,16 @@ def test_another_process_makes_the_same_level() -> None:
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     here = b"".join(part.mesh.vertices.tobytes() for part in build_level("hard", 5).parts)
     assert done.stdout.split(maxsplit=1) == [hashlib.sha256(here).hexdigest(), "set()\n"]
+
+
+def test_par_counts_the_legs() -> None:
+    """Two for a lane of one leg, one more for every two further ones, four at most."""
+    legs = set()
+    for difficulty, level in itertools.product(DIFFICULTIES, range(8)):
+        layout = lay_out(difficulty, Draws(GENERATOR, DIFFICULTIES.index(difficulty), level))
+        legs.add(layout.legs)
+        assert build_level(difficulty, level).par == {1: 2, 2: 3, 3: 3, 4: 4, 5: 4}[layout.legs]
+    assert legs == {1, 2, 3, 4, 5}
 
 
 def test_levels_differ() -> None:

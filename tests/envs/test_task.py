@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
+import shapely
 
 from minigolf_env.envs import Task
 from minigolf_env.envs.options import make_task
+from minigolf_env.envs.task import OBSERVATION, Outcome, Result, action_space, observation_space, of_rows, together
+from minigolf_env.physics import WorldBatch
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +39,87 @@ def test_below_the_rim_means_holed_only_without_the_energy_to_leave(task: Task) 
     assert not task.is_holed(position, 1.01 * escape * up)
     aside = np.array([1.01 * task.cup.radius, 0.0, 0.0])
     assert not task.is_holed(position + 0.06 * up, 0.0 * up), "above the rim"
+    assert not task.is_holed(np.array([x, y, rim]), 0.0 * up), "level with the rim"
     assert not task.is_holed(position + aside, 0.0 * up), "beside the cup"
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_speed_in_any_direction_is_energy_to_leave(task: Task, axis: int) -> None:
+    """A ball that runs around in the cup can leave it as well as one that flies up; either way along an axis."""
+    x, y, rim = task.cup.position
+    position, way = np.array([x, y, rim - 0.05]), np.eye(3)[axis]
+    escape = np.sqrt(2.0 * 9.81 * (0.05 + task.world.ball_radius))
+    for sign in (-1.0, 1.0):
+        assert task.is_holed(position, sign * 0.99 * escape * way)
+        assert not task.is_holed(position, sign * 1.01 * escape * way)
+    edge = 0.99 * task.cup.radius * np.eye(3)[axis % 2]
+    for sign in (-1.0, 1.0):
+        assert task.is_holed(position + sign * edge, np.zeros(3))
+        assert not task.is_holed(position + sign * edge * 1.02, np.zeros(3))
+
+
+def test_spaces_are_what_actions_and_observations_lie_in() -> None:
+    """Putts of two numbers, observations of as many as have names, all within [-1, 1], float32."""
+    for space, n in ((action_space(), 2), (observation_space(), len(OBSERVATION))):
+        assert space.shape == (n,) and space.dtype == np.float32
+        for value, known in ((-1.0, True), (1.0, True), (-1.01, False), (1.01, False)):
+            assert space.contains(np.full(n, value, np.float32)) is known
+
+
+def test_noise_turns_and_scales_by_the_standard_deviations() -> None:
+    """A draw of 1 turns by one deviation, counter-clockwise, or adds one share of the speed; no putt runs backwards."""
+    task = make_task(putt_noise=(3.0, 0.2))
+    aims = np.array([[0.5, 0.0], [0.0, 0.4], [-0.3, -0.3], [0.6, -0.8]])
+    aimed = task.launch(aims) @ np.array([1.0, 1.0j, 0.0])
+    for draw, factor in (
+        ((0.0, 0.0), 1.0),
+        ((1.0, 0.0), np.exp(1j * np.radians(3.0))),
+        ((-2.0, 0.0), np.exp(-1j * np.radians(6.0))),
+        ((0.0, 1.0), 1.2),
+        ((0.0, -2.0), 0.6),
+        ((0.0, -9.0), 0.0),
+    ):
+        launched = task.launch(aims, np.tile(draw, (4, 1)))
+        assert launched @ np.array([1.0, 1.0j, 0.0]) == pytest.approx(aimed * factor) and (launched[:, 2] == 0.0).all()
+    assert task.is_noisy and make_task(putt_noise=(0.0, 0.1)).is_noisy and not make_task().is_noisy
+
+
+def test_each_ball_draws_from_its_own_stream() -> None:
+    """Noise and tees are those of the streams one by one; the tee's middle asks none of them."""
+    task = make_task()
+    streams = [np.random.default_rng(seed) for seed in range(3)]
+    assert np.array_equal(task.disturb(streams), [np.random.default_rng(seed).standard_normal(2) for seed in range(3)])
+    lower, upper = np.array(task.course.tee.lower), np.array(task.course.tee.upper)
+    starts = task.tee_off([np.random.default_rng(seed) for seed in range(3)])
+    shares = np.array([np.random.default_rng(seed).random(2) for seed in range(3)])
+    assert starts[:, :2] == pytest.approx(lower + shares * (upper - lower))
+    assert starts[:, 2] == pytest.approx(task.course.tee.height + task.world.ball_radius)
+    stream = np.random.default_rng(0)
+    task.tee_off([stream])
+    assert stream.random() == np.random.default_rng(0).random(3)[2], "two numbers are drawn, no more"
+    middle = make_task(tee="fixed").tee_off([np.random.default_rng(0)])
+    assert middle[0] == pytest.approx([*task.course.tee.centre, starts[0, 2]])
+
+
+def test_an_observation_says_where_the_ball_and_the_cup_are() -> None:
+    """Each number by its name: places in the bounds, ways as shares of their diagonal, the strokes left."""
+    task = make_task(max_strokes=8)
+    lower, upper = np.array(task.course.bounds)
+    balls = np.random.default_rng(4).uniform(lower, upper, (50, 3))
+    strokes = np.arange(50) % 9
+    seen = dict(zip(OBSERVATION, task.observe(balls, strokes).astype(np.float64).T, strict=True))
+    shares = np.column_stack([seen[f"ball {axis}"] for axis in "xyz"])
+    assert lower + (shares + 1.0) / 2.0 * (upper - lower) == pytest.approx(balls, abs=1e-5)
+    reach, to_cup = np.hypot(*(upper - lower)[:2]), np.array(task.cup.position) - balls
+    ways = np.column_stack([seen[f"to cup {axis}"] for axis in "xyz"])
+    assert ways * reach == pytest.approx(to_cup, abs=1e-5)
+    away = np.hypot(*to_cup[:, :2].T)
+    assert seen["root of cup distance"] ** 2 * reach == pytest.approx(away, abs=1e-5)
+    straight = np.column_stack([seen[f"straight putt {axis}"] for axis in "xy"])
+    assert straight == pytest.approx(seen["root of cup distance"][:, None] * to_cup[:, :2] / away[:, None], abs=1e-6)
+    assert seen["strokes left"] == pytest.approx(1.0 - strokes / 8.0)
+    beyond = task.observe(np.array([upper + 1.0, lower - 1.0, task.cup.position]), np.zeros(3, np.int64))
+    assert (beyond[0, :3] == 1.0).all() and (beyond[1, :3] == -1.0).all() and (beyond[2, 3:9] == 0.0).all()
 
 
 def test_distance_is_zero_at_the_cup_and_shrinks_along_the_route(task: Task) -> None:
@@ -50,6 +135,22 @@ def test_distance_is_zero_at_the_cup_and_shrinks_along_the_route(task: Task) -> 
     assert (task.distance(anywhere) >= straight - 1e-12).all()
 
 
+@pytest.mark.parametrize("name", ["dogleg", "hill", "procedural-v1-hard-2"])
+def test_distance_goes_along_the_nearest_leg(name: str) -> None:
+    """Straight to its end, and along the legs after it; which is nearest, shapely says."""
+    task = make_task(name)
+    route, rng = np.array(task.course.route), np.random.default_rng(7)
+    legs = [shapely.LineString(pair) for pair in itertools.pairwise(route)]
+    lengths = [leg.length for leg in legs]
+    around = route[rng.integers(len(route), size=300)] + rng.normal(0.0, 0.7, (300, 2))
+    found = task.distance(np.column_stack([around, np.zeros(300)]))
+    for place, distance in zip(around, found, strict=True):
+        away = np.array([leg.distance(shapely.Point(place)) for leg in legs])
+        ways = [np.hypot(*(route[k + 1] - place)) + sum(lengths[k + 1 :]) for k in range(len(legs))]
+        nearest = np.flatnonzero(away <= away.min() + 1e-9)
+        assert min(abs(distance - ways[k]) for k in nearest) < 1e-9
+
+
 def test_shaping_adds_a_constant_to_every_episode(task: Task) -> None:
     """Whatever way an episode takes, shaped rewards sum to minus the strokes plus what the start is worth."""
     shaped = make_task(reward="shaped")
@@ -63,6 +164,67 @@ def test_shaping_adds_a_constant_to_every_episode(task: Task) -> None:
     assert totals == pytest.approx([totals[0]] * 3)
     plain = make_task(reward="strokes")
     assert plain.rewards(plain.potential(start), plain.potential(start), np.array(False)) == -1.0
+
+
+def test_the_potential_is_a_stroke_and_a_share_of_the_way(task: Task) -> None:
+    """Minus one putt, and 0.3 for each metre to go; nothing where only strokes count. Rewards are its change less 1."""
+    balls = np.random.default_rng(5).uniform(*task.course.bounds, (20, 3))
+    worth = task.potential(balls)
+    assert worth == pytest.approx(-1.0 - 0.3 * task.distance(balls))
+    plain = make_task(reward="strokes").potential(balls.reshape(4, 5, 3))
+    assert plain.shape == (4, 5) and (plain == 0.0).all()
+    going = task.rewards(worth[:10], worth[10:], np.zeros(10, np.bool_))
+    assert going == pytest.approx(-1.0 + worth[10:] - worth[:10])
+    assert task.rewards(worth[:10], worth[10:], np.ones(10, np.bool_)) == pytest.approx(-1.0 - worth[:10])
+
+
+def test_a_trace_is_the_way_of_the_stroke(task: Task) -> None:
+    """It begins where the ball was struck, and ends where and when the stroke does."""
+    start = task.tee_off([np.random.default_rng(6)])
+    putt = task.launch(np.array([[0.4, 0.1]]))
+    outcome = task.play(start, putt)
+    path, times = task.trace(start[0], putt[0])
+    assert path[0] == pytest.approx(start[0]) and path[-1] == pytest.approx(outcome.position[0])
+    assert times[0] == 0.0 and times[-1] == pytest.approx(outcome.time[0]) and (np.diff(times) >= 0.0).all()
+    assert outcome.result[0] == Result.REST and outcome.bounces[0] > 0 and not outcome.holed[0]
+
+
+def test_outcomes_keep_their_strokes_in_another_shape() -> None:
+    """Row by row."""
+    outcome = Outcome(np.arange(18.0).reshape(6, 3), np.arange(6, dtype=np.int8), np.arange(6.0), np.arange(6))
+    square = outcome.reshape(2, 3)
+    assert square.position.shape == (2, 3, 3) and square.holed.tolist() == [[False] * 3, [True, False, False]]
+    for k in range(6):
+        row, column = divmod(k, 3)
+        assert (square.position[row, column] == [3 * k, 3 * k + 1, 3 * k + 2]).all()
+        assert square.result[row, column] == square.time[row, column] == square.bounces[row, column] == k
+
+
+def test_games_of_several_holes_play_each_by_its_own() -> None:
+    """One task alone stays itself; of several, ball i sees, aims and plays as task i does; rows choose among them."""
+    tasks = [
+        make_task(name, max_strokes=5, putt_noise=(1.0, 0.1), tee="fixed", reward="shaped")
+        for name in ("dogleg", "hill")
+    ]
+    assert together(tasks[:1]) is together([tasks[0]] * 3) is tasks[0]
+    assert of_rows(tasks[0], np.array([0, 0])) is tasks[0]
+    for rows in ([0, 1], [1, 0, 1]):
+        game = of_rows(together(tasks), np.array(rows))
+        mine = [tasks[i] for i in rows]
+        assert game.courses == tuple(task.course for task in mine) and isinstance(game.world, WorldBatch)
+        assert (game.reward, game.max_strokes, game.random_tee, game.putt_noise) == ("shaped", 5, False, (1.0, 0.1))
+        starts = game.tee_off([np.random.default_rng(0)] * len(rows))
+        aims = np.tile([0.3, 0.1], (len(rows), 1))
+        draws = np.full((len(rows), 2), 0.5)
+        putts = game.launch(aims, draws)
+        played = game.play(starts, putts)
+        for i, task in enumerate(mine):
+            assert (starts[i] == task.tee_off([np.random.default_rng(0)])[0]).all()
+            assert (putts[i] == task.launch(aims[i], draws[i])).all()
+            alone = task.play(starts[i : i + 1], putts[i : i + 1])
+            assert all(one[i].tobytes() == other[0].tobytes() for one, other in zip(played, alone, strict=True))
+            assert game.distance(starts)[i] == task.distance(starts[i])
+            assert game.potential(starts)[i] == task.potential(starts[i])
 
 
 def test_rules_take_one_ball_or_many(task: Task) -> None:

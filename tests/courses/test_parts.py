@@ -1,0 +1,448 @@
+"""What parts are, measured: areas, volumes and heights against formulas, places and directions against geometry."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import shapely
+import trimesh
+from trimesh import Trimesh
+
+from minigolf_env.courses import CourseError, Cup, load_course
+from minigolf_env.courses.builder import Hole
+from minigolf_env.courses.glb import to_glb
+from minigolf_env.courses.gltf import Object, write_scene
+from minigolf_env.courses.limits import Limits
+from minigolf_env.courses.meshes import cut_cup, inline_mesh
+from minigolf_env.courses.outlines import outline
+from minigolf_env.courses.shapes import Along, Arc, Radial, Shape, Waves
+from minigolf_env.courses.solids import LINER, cup_hole, cup_liner, disc, extruded, loop, prism, revolved
+from minigolf_env.courses.terrain import height_function, terrain
+
+SQUARE = shapely.box(0, 0, 1, 1)
+LANE = [{"box": (0, 0, 3, 1)}]
+
+
+def shape(**fields: Any) -> Shape:
+    """Return a shape in plan."""
+    return Shape.model_validate(fields)
+
+
+def polygon_share(sides: int) -> float:
+    """Return the area of the regular polygon around the unit circle, as a share of pi."""
+    return sides / math.pi * math.tan(math.pi / sides)
+
+
+def test_areas_are_those_of_the_shapes() -> None:
+    """Boxes, circles, strips and polygons; turned about their middle, rounded, joined and less their holes."""
+    box = outline([shape(box=(1, 2, 4, 4), turn=90)])
+    assert box.bounds == pytest.approx((1.5, 1.5, 3.5, 4.5)) and box.area == pytest.approx(6.0)
+    tilted = outline([shape(box=(1, 2, 4, 4), turn=30)])
+    assert np.allclose(tilted.centroid.coords, (2.5, 3.0)) and tilted.area == pytest.approx(6.0)
+    assert tilted.contains(shapely.Point(2.5 + 1.4 * math.cos(math.pi / 6), 3.0 + 1.4 * math.sin(math.pi / 6)))
+    rounded = outline([shape(box=(0, 0, 3, 2), round=0.5)])
+    assert rounded.area == pytest.approx(6.0 - (4.0 - math.pi) * 0.25, abs=2e-3)
+    assert rounded.bounds == pytest.approx((0, 0, 3, 2))
+    circle = outline([shape(circle=(1, 2, 0.5))])
+    assert circle.area == pytest.approx(0.25 * math.pi * polygon_share(64)) and np.allclose(
+        circle.centroid.coords, (1, 2)
+    )
+    strip = outline([shape(line=[(0, 0), (3, 4)], width=0.2)])
+    assert strip.area == pytest.approx(1.0)
+    elbow = outline([shape(line=[(0, 0), (2, 0), (2, 2)], width=0.2)])
+    assert elbow.area == pytest.approx(0.8) and elbow.bounds == pytest.approx((0, -0.1, 2.1, 2))
+    both = outline([shape(box=(0, 0, 2, 1)), shape(box=(1, 0, 3, 1))], [shape(box=(0.5, 0.2, 1.0, 0.7))])
+    assert both.area == pytest.approx(2.75) and len(both.interiors) == 1
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_arcs_lie_on_their_circle(seed: int) -> None:
+    """From a point over another to a third, whichever way round and however far; no piece turns more than 5 degrees."""
+    rng = np.random.default_rng(seed)
+    middle, radius = rng.uniform(-2, 2, 2), rng.uniform(0.3, 2)
+    turn = rng.choice([-1, 1]) * rng.uniform(0.3, 5.5)
+    first = rng.uniform(0, 2 * math.pi)
+    over = first + turn * rng.uniform(0.2, 0.8)
+
+    def at(angle: float) -> tuple[float, float]:
+        return middle[0] + radius * math.cos(angle), middle[1] + radius * math.sin(angle)
+
+    corners = [tuple(middle), at(first), Arc(via=at(over), to=at(first + turn))]
+    area = outline([Shape(polygon=tuple(corners))])
+    ring = np.array(area.exterior.coords)
+    arc = ring[np.linalg.norm(ring - middle, axis=1) > 0.1 * radius]
+    assert np.linalg.norm(arc - middle, axis=1) == pytest.approx(np.full(len(arc), radius))
+    assert len(arc) == 1 + max(2, math.ceil(abs(math.degrees(turn)) / 5.0 - 1e-9))
+    piece = turn / (len(arc) - 1)
+    assert abs(math.degrees(piece)) <= 5.0 + 1e-9
+    assert area.area == pytest.approx(abs(math.sin(piece)) * radius**2 / 2.0 * (len(arc) - 1))
+    with pytest.raises(CourseError, match="arc: expected three points of a circle"):
+        outline([Shape(polygon=((0, 1), (0, 0), Arc(via=(1, 0), to=(2, 0))))])
+
+
+def test_areas_that_are_none_are_refused() -> None:
+    """Empty, in two pieces, or crossing themselves."""
+    for shapes, holes, message in (
+        ([shape(box=(0, 0, 1, 1))], [shape(box=(-1, -1, 2, 2))], "expected one connected area"),
+        ([shape(box=(0, 0, 1, 1)), shape(box=(2, 0, 3, 1))], [], "expected one connected area, received MultiPolygon"),
+        ([shape(polygon=[(0, 0), (1, 1), (1, 0), (0, 1)])], [], "expected a simple shape.* Self-intersection"),
+        ([shape(box=(0, 0, 1, 1), round=0.6)], [], "expected a simple shape"),
+    ):
+        with pytest.raises(CourseError, match=message):
+            outline(shapes, holes)
+
+
+def test_solids_have_the_volumes_of_formulas() -> None:
+    """Closed, wound outwards, between their levels, around their axis."""
+    block = extruded(SQUARE, -0.2, 0.3)
+    assert block.volume == pytest.approx(0.5) and np.allclose(block.bounds, [[0, 0, -0.2], [1, 1, 0.3]])
+    for sides in (5, 64):
+        cone = revolved([(0.0, 1.0), (0.5, 1.0), (0.0, 2.0)], (2.0, 3.0), sides)
+        assert cone.volume == pytest.approx(math.pi * 0.25 / 3.0 * polygon_share(sides))
+        assert np.allclose(cone.center_mass, (2.0, 3.0, 1.25)) and cone.is_watertight
+        ring = disc((2.0, 3.0), 0.5, sides)
+        assert (
+            ring.exterior.distance(shapely.Point(2, 3)) == pytest.approx(0.5) and len(ring.exterior.coords) == sides + 1
+        )
+    cup = Cup((1.0, 2.0, 0.5), 0.05, 0.1)
+    liner = cup_liner(cup)
+    area = math.pi * polygon_share(64)
+    outer = (cup.radius + LINER) ** 2 * (cup.depth + LINER)
+    assert liner.volume == pytest.approx(area * (outer - cup.radius**2 * cup.depth)) and liner.is_watertight
+    assert liner.bounds[:, 2] == pytest.approx((0.5 - 0.1 - LINER, 0.5))
+
+
+@pytest.mark.parametrize(
+    ("start", "end"), [((0, 0, 0), (2, 0, 0)), ((1, 2, 0.5), (0, 4, 1.0)), ((0, 0, 1), (0, -3, 0))]
+)
+def test_prisms_lead_from_start_to_end(start: tuple[float, ...], end: tuple[float, ...]) -> None:
+    """What is to the left in the profile is to the left of the way, seen from above; up is up."""
+    way = np.subtract(end, start)
+    solid = prism(shapely.box(0.0, 0.0, 0.1, 0.4), start, end)
+    assert solid.is_watertight and solid.volume == pytest.approx(0.04 * np.linalg.norm(way))
+    left = np.array([-way[1], way[0], 0.0]) / np.hypot(*way[:2])
+    ahead = way / np.linalg.norm(way)
+    up = np.cross(ahead, left)
+    assert up[2] > 0.0
+    offset = solid.vertices - start
+    assert (offset @ left).min() == pytest.approx(0.0, abs=1e-12) and (offset @ left).max() == pytest.approx(0.1)
+    assert (offset @ up).min() == pytest.approx(0.0, abs=1e-12) and (offset @ up).max() == pytest.approx(0.4)
+    assert (offset @ ahead).max() == pytest.approx(np.linalg.norm(way))
+    with pytest.raises(CourseError, match="expected a line that is not upright"):
+        prism(SQUARE, start, np.add(start, (0, 0, 1)))
+
+
+def test_a_loop_turns_over_once() -> None:
+    """It touches the floor at both ends, comes down to the left, and its inner surface has its radius."""
+    solid = loop(0.3, 0.2, 0.5, 0.06, 0.03, 64)
+    assert solid.is_watertight and solid.is_winding_consistent and solid.volume > 0.0
+    section = 0.26 * 0.03 + 2 * 0.03 * 0.06
+    assert solid.volume == pytest.approx(section * 2 * math.pi * 0.3, rel=0.05)
+    assert solid.bounds[:, 2] == pytest.approx((-0.03, 0.63), abs=1e-3)
+    assert solid.bounds[:, 1] == pytest.approx((-0.13, 0.63)) and solid.bounds[:, 0] == pytest.approx(
+        (-0.33, 0.33), abs=1e-3
+    )
+    ends = solid.vertices[[5, 6, -2, -3]]
+    assert ends[:, [0, 2]] == pytest.approx(np.zeros((4, 2)), abs=1e-12)
+    assert sorted(ends[:, 1]) == pytest.approx([-0.1, 0.1, 0.4, 0.6])
+    around = np.hypot(solid.vertices[:, 0], solid.vertices[:, 2] - 0.3)
+    assert around.max() == pytest.approx(0.33) and around.min() == pytest.approx(0.24)
+    left = solid.vertices.reshape(65, 8, 3)[:, :, 1].mean(axis=1)
+    assert (np.diff(left) >= 0.0).all() and left[32] == pytest.approx(0.25)
+
+
+def test_a_cup_needs_room_and_says_how_much() -> None:
+    """On the floor, and no wider than it can be."""
+    hole = cup_hole(SQUARE, Cup((0.5, 0.4, 0.0), 0.1))
+    assert hole.exterior.distance(shapely.Point(0.5, 0.4)) == pytest.approx(0.1 + LINER)
+    with pytest.raises(CourseError, match=r"cup radius: expected less than (0\.\d+) m") as told:
+        cup_hole(SQUARE, Cup((0.5, 0.4, 0.0), 0.5))
+    most = float(str(told.value).split("less than ")[1].split(" m")[0])
+    assert cup_hole(SQUARE, Cup((0.5, 0.4, 0.0), most - 0.001)) and most == pytest.approx(0.4, abs=0.005)
+    with pytest.raises(CourseError, match="less than"):
+        cup_hole(SQUARE, Cup((0.5, 0.4, 0.0), most + 0.001))
+    with pytest.raises(CourseError, match="cup position: expected a place on the floor"):
+        cup_hole(SQUARE, Cup((1.5, 0.4, 0.0), 0.1))
+
+
+PLACES = np.random.default_rng(0).uniform(-3.0, 3.0, (200, 2))
+PLACES = np.concatenate([PLACES, PLACES / 20.0])
+
+
+def test_heights_follow_their_profiles() -> None:
+    """Along a direction, around a place, in waves; on top of the level and of each other."""
+    profile = ((-1.0, 0.1), (0.5, 0.4), (2.0, -0.2))
+    turned = np.cos(np.radians(30)) * (PLACES[:, 0] - 0.5) + np.sin(np.radians(30)) * (PLACES[:, 1] - 0.2)
+    along = Along(at=(0.5, 0.2), turn=30, profile=profile)
+    slope = np.interp(turned, *np.transpose(profile))
+    assert height_function(0.0, [along])(PLACES) == pytest.approx(slope)
+    away = np.hypot(PLACES[:, 0] - 1.0, PLACES[:, 1] + 1.0)
+    hill = Radial(at=(1.0, -1.0), profile=((0.0, 0.5), (1.5, 0.0)))
+    cone = np.interp(away, [0.0, 1.5], [0.5, 0.0])
+    assert height_function(0.3, [along, hill])(PLACES) == pytest.approx(0.3 + slope + cone)
+    waves = Waves(at=(0.5, 0.2), turn=30, amplitude=0.2, length=0.7, level=((0.0, 0.0, 0.5, 1.0),))
+    z = height_function(0.0, [waves])(PLACES)
+    middle = np.hypot(*PLACES.T)
+    whole = 0.2 * np.sin(2.0 * np.pi * turned / 0.7)
+    assert z[middle >= 1.0] == pytest.approx(whole[middle >= 1.0]) and (z[middle <= 0.5] == 0.0).all()
+    share = np.clip((middle - 0.5) / 0.5, 0.0, 1.0)
+    assert z == pytest.approx(whole * share * share * (3.0 - 2.0 * share))
+
+
+def test_rounding_is_the_mean_of_the_line_around_a_place() -> None:
+    """Of straight lines the line; at a corner a parabola that both sides meet."""
+    profile = ((0.0, 0.0), (1.0, 0.5), (2.5, -0.1))
+    fine = np.linspace(-0.2, 0.2, 4001)
+    for record, s in (
+        (Along(profile=profile, rounding=0.2), PLACES[:, 0]),
+        (Radial(at=(0, 0), profile=profile, rounding=0.2), np.hypot(*PLACES.T)),
+    ):
+        line = np.interp(
+            np.abs(s[:, None] + fine) if isinstance(record, Radial) else s[:, None] + fine, *np.transpose(profile)
+        )
+        mean = ((line[:, 1:] + line[:, :-1]) / 2.0).mean(axis=1)
+        assert height_function(0.0, [record])(PLACES) == pytest.approx(mean, abs=1e-6)
+    wide = Along(profile=((-9.0, 0.0), (0.0, 0.9), (9.0, 0.0)), rounding=3.0)
+    assert height_function(0.0, [wide])(np.array([[0.0, 0.0], [6.5, 0.0], [9.0, 0.0], [20.0, 0.0]])) == pytest.approx(
+        [0.75, 0.25 + 0.0125 / 6.0, 0.075, 0.0]
+    )
+    far = np.array([[-50.0, 0.0], [50.0, 0.0]])
+    assert height_function(0.0, [Along(profile=profile, rounding=0.2)])(far) == pytest.approx([0.0, -0.1])
+
+
+@pytest.mark.parametrize("holes", [[], [shapely.box(0.8, 0.4, 1.3, 0.7), shapely.Point(2.0, 0.5).buffer(0.2)]])
+def test_terrain_is_the_ground_between_bottom_and_heights(holes: list[Any]) -> None:
+    """Closed; its top is on the heights everywhere and covers the area once; its volume is that below them."""
+    area = shapely.box(0, 0, 3, 1)
+    for hole in holes:
+        area = area - hole
+    height = height_function(0.2, [Along(profile=((0.0, 0.0), (3.0, 0.3)))])
+    solid = terrain(area, height, (0.11, 0.07), -0.1)
+    assert solid.is_watertight and solid.is_winding_consistent
+    up = solid.face_normals[:, 2] > 1e-6
+    corners = solid.triangles[up]
+    plan = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, 2] / 2.0
+    assert plan.sum() == pytest.approx(area.area) and (plan > 0.0).all()
+    assert corners[:, :, 2].ravel() == pytest.approx(height(corners[:, :, :2].reshape(-1, 2)))
+    middle = np.array(area.centroid.coords)
+    assert solid.volume == pytest.approx(area.area * (float(height(middle)[0]) + 0.1))
+    assert (
+        solid.bounds[0, 2] == pytest.approx(-0.1)
+        and (np.abs(solid.face_normals[~up, 2] * (solid.face_normals[~up, 2] + 1)) < 1e-9).all()
+    )
+    sides = np.ptp(corners[:, :, :2], axis=1)
+    assert (sides[:, 0] <= 0.11 * 2.1).all() and (sides[:, 1] <= 0.07 * 2.1).all()
+    assert np.mean((sides[:, 0] <= 0.11 + 1e-9) & (sides[:, 1] <= 0.07 + 1e-9)) > 0.5
+    with pytest.raises(CourseError, match=r"heights: expected all above the bottom at 0\.2 m"):
+        terrain(area, height, (0.1, 0.1), 0.2)
+
+
+def test_a_cup_cut_into_a_mesh_takes_its_pocket_out() -> None:
+    """The rest of the floor stays; obstacles and thin floors are in the way."""
+    floor = extruded(shapely.box(0, 0, 2, 1), -0.2, 0.0)
+    cup = Cup((0.7, 0.4, 0.0), 0.06, 0.1)
+    cut = cut_cup(floor, cup, [])
+    pocket = math.pi * polygon_share(64) * (0.06 + LINER) ** 2 * (0.1 + LINER)
+    assert cut.is_watertight and cut.is_winding_consistent and cut.volume == pytest.approx(0.4 - pocket)
+    assert np.allclose(cut.bounds, floor.bounds)
+    with pytest.raises(CourseError, match="cup position: expected a place on the floor"):
+        cut_cup(floor, cup, [shapely.box(0.6, 0.3, 0.8, 0.5)])
+    with pytest.raises(CourseError, match="cup radius: expected less than"):
+        cut_cup(floor, cup, [shapely.box(0.74, 0.0, 0.8, 1.0)])
+    with pytest.raises(CourseError, match=r"cup depth: expected a floor thicker than 0.103 m"):
+        cut_cup(extruded(shapely.box(0, 0, 2, 1), -0.1, 0.0), cup, [])
+    thin, foot = extruded(shapely.box(0, 0, 2, 1), -0.1, 0.0), extruded(shapely.box(3, 0, 4, 1), -1.0, 0.0)
+    with pytest.raises(CourseError, match=r"received one that ends at z = -0\.1 m"):
+        cut_cup(trimesh.util.concatenate([thin, foot]), cup, [])
+    with pytest.raises(CourseError, match="cup position"):
+        cut_cup(floor, Cup((0.7, 0.4, 0.01), 0.06), [])
+
+
+def hole(**part: Any) -> Trimesh:
+    """Return the mesh of a part beside a lane."""
+    mesh = Hole("one", tee=(0.3, 0.5)).add("lane", outline=LANE).add(**part).course().parts[-1].mesh
+    return Trimesh(mesh.vertices, mesh.faces)
+
+
+def test_parts_are_turned_and_placed() -> None:
+    """Counter-clockwise seen from above, about their own origin; then moved."""
+    box = hole(kind="box", at=(1.5, 0.5, 0.2), size=(0.4, 0.2, 0.1), turn=90)
+    assert np.allclose(box.bounds, [[1.4, 0.3, 0.15], [1.6, 0.7, 0.25]])
+    tilted = hole(kind="box", at=(1.5, 0.5, 0.2), size=(0.4, 0.2, 0.1), turn=30)
+    tip = np.array([0.2, 0.1]) @ [
+        [math.cos(math.pi / 6), math.sin(math.pi / 6)],
+        [-math.sin(math.pi / 6), math.cos(math.pi / 6)],
+    ]
+    assert np.hypot(*(tilted.vertices[:, :2] - [1.5, 0.5] - tip).T).min() < 1e-9
+    ball = hole(kind="sphere", at=(1.5, 0.5, 0.3), radius=0.2)
+    assert np.linalg.norm(ball.vertices - [1.5, 0.5, 0.3], axis=1) == pytest.approx(np.full(len(ball.vertices), 0.2))
+
+
+def test_a_hole_is_made_with_a_cup_of_its_own_and_files_beside_it(tmp_path: Path) -> None:
+    """The cup may be a record; meshes come from the folder that is named; errors name the hole."""
+    trimesh.creation.box((0.2, 0.2, 0.2)).export(tmp_path / "stone.obj")
+    made = Hole("own", tee=(0.3, 0.5), cup={"position": (2.5, 0.5, 0.0), "radius": 0.06, "depth": 0.09})
+    made.add("lane", outline=LANE).add("mesh", file="stone.obj", at=(1.5, 0.5, 0.1))
+    course = made.course(tmp_path)
+    assert course.cup == Cup((2.5, 0.5, 0.0), 0.06, 0.09) and len(course.parts) == 4
+    with pytest.raises(CourseError, match="own: parts"):
+        made.add("lane", outlines=LANE).description()
+
+
+def test_bounds_reach_around_the_lanes() -> None:
+    """Over the borders, from 0.3 m below to 2 m above the floors; around all meshes where there is no lane."""
+    made = Hole("two", tee=(0.3, 0.5)).add("lane", outline=LANE, border=0.1)
+    made.add("lane", outline=[{"box": (3.5, 0, 4.5, 1)}], level=0.5, border=0.2)
+    assert np.allclose(made.course().bounds, [(-0.1, -0.2, -0.3), (4.7, 1.2, 2.5)])
+    diamond = Hole("tip", tee=(0, 0)).add("lane", outline=[{"polygon": [(1, 0), (0, 1), (-1, 0), (0, -1)]}], border=0.1)
+    reach = 1.0 + 0.1 * math.sqrt(2.0)  # Borders have mitred corners.
+    assert np.allclose(diamond.course().bounds, [(-reach, -reach, -0.3), (reach, reach, 2.0)])
+    solid = Hole("mesh", tee=(0.0, 0.0)).add("box", at=(0, 0, -0.1), size=(2, 1, 0.2)).course()
+    assert np.allclose(solid.bounds, [(-1, -0.5, -0.5), (1, 0.5, 2.0)])
+
+
+@pytest.mark.parametrize(
+    "part",
+    [
+        {"kind": "block", "outline": [{"box": (2.4, 0.4, 2.6, 0.6)}]},
+        {"kind": "cylinder", "at": (2.5, 0.5, -0.05), "radius": 0.1, "height": 0.2},
+        {"kind": "revolved", "at": (2.5, 0.5), "profile": [(0, -0.05), (0.1, -0.05), (0.0, 0.2)]},
+    ],
+)
+def test_no_cup_is_cut_below_what_stands_there(part: dict[str, Any]) -> None:
+    """Nor so near that it would cut into it; over a block that ends below the floor it is."""
+    for x, message in ((2.5, "cup position"), (2.36, "cup radius: expected less than"), (2.2, "")):
+        made = Hole("post", tee=(0.4, 0.5), cup=(x, 0.5, 0.0)).add("lane", outline=LANE).add(**part)
+        if message:
+            with pytest.raises(CourseError, match=message):
+                made.course()
+        else:
+            assert [one.name for one in made.course().parts][:2] == ["floor", "cup"]
+    ring = {"kind": "block", "outline": [{"box": (2.2, 0.2, 2.8, 0.8)}], "holes": [{"box": (2.3, 0.3, 2.7, 0.7)}]}
+    assert Hole("ring", tee=(0.4, 0.5), cup=(2.5, 0.5, 0.0)).add("lane", outline=LANE).add(**ring).course().cup
+    low = {"kind": "block", "outline": [{"box": (2.4, 0.4, 2.6, 0.6)}], "bottom": -0.6, "top": -0.3}
+    assert Hole("low", tee=(0.4, 0.5), cup=(2.5, 0.5, 0.0)).add("lane", outline=LANE).add(**low).course().cup
+
+
+def test_a_surface_says_how_its_parts_look_unless_they_do() -> None:
+    """Colours are shares of 255; a border has its lane's own."""
+    made = Hole("red", tee=(0.3, 0.5)).surface("rubber", damping=0.9, material="stone", color="#102030")
+    made.add("lane", outline=LANE, border_color="#ff8000", name="way")
+    made.add("box", at=(1, 0.5, 0.1), size=(0.1, 0.1, 0.2), surface="rubber")
+    made.add(
+        "box", at=(2, 0.5, 0.1), size=(0.1, 0.1, 0.2), surface="rubber", material="brick", color="#ffffff", name="b"
+    )
+    looks = {part.name: (part.material, part.color, part.mesh.surface.damping) for part in made.course().parts}
+    assert looks["way border"] == ("wood", (1.0, 128 / 255, 0.0), 0.7)
+    assert looks["box 2"] == ("stone", (16 / 255, 32 / 255, 48 / 255), 0.9) and looks["b"] == (
+        "brick",
+        (1.0, 1.0, 1.0),
+        0.9,
+    )
+    assert looks["way floor"][:2] == ("felt", None)
+
+
+def test_meshes_written_out_are_checked() -> None:
+    """Rows of vertices that are there, numbers within a kilometre, at least one face."""
+    from minigolf_env.courses.description import Mesh
+
+    box = trimesh.creation.box((1, 1, 1))
+    good = Mesh(vertices=box.vertices.tolist(), faces=box.faces.tolist())
+    assert inline_mesh(good, Limits()).volume == pytest.approx(1.0) and inline_mesh(good, Limits(triangles=12))
+    for change, message in (
+        ({"faces": ()}, "at least one face"),
+        ({"vertices": ((0, 0, 0), (1001, 0, 0), (0, 1, 0)), "faces": ((0, 1, 2),)}, "within 1000 m"),
+        ({"vertices": ((0, 0, 0), (math.nan, 0, 0), (0, 1, 0)), "faces": ((0, 1, 2),)}, "finite"),
+        ({"vertices": ((0, 0, 0), (1, 0, 0), (0, 1, 0)), "faces": ((0, 1, 3),)}, "expected rows 0 to 2"),
+        ({"vertices": ((0, 0, 0), (1, 0, 0), (0, 1, 0)), "faces": ((0, 1, -1),)}, "expected rows 0 to 2"),
+    ):
+        with pytest.raises(CourseError, match=message):
+            inline_mesh(good.model_copy(update=change), Limits())
+    assert inline_mesh(Mesh(vertices=((0, 0, 0), (1000, 0, 0), (0, 1, 0)), faces=((0, 1, 2),)), Limits())
+    with pytest.raises(CourseError, match="at most 11 triangles"):
+        inline_mesh(good, Limits(triangles=11))
+
+
+def test_limits_are_the_most_that_is_taken() -> None:
+    """As much passes, more is refused."""
+    limits = Limits(file_bytes=100, text_bytes=10, triangles=5, cells=30)
+    limits.check_triangles(5)
+    limits.check_bytes("file", 100)
+    limits.check_bytes("file", 10, text=True)
+    for refused in (
+        lambda: limits.check_triangles(6),
+        lambda: limits.check_bytes("file", 101),
+        lambda: limits.check_bytes("file", 11, text=True),
+    ):
+        with pytest.raises(CourseError, match="expected at most"):
+            refused()
+    # So many cells, and a seam around them whose triangles are as narrow as the cells.
+    for box, cell, size, most in (((1, 1, 7, 4), (1, 1), "6 x 3", 18 + 18), ((1, 1, 7, 4), (2, 1), "3 x 3", 9 + 24)):
+        Limits(cells=most).check_cells(box, cell)
+        with pytest.raises(CourseError, match=f"at most {most - 1} cells, received {size}"):
+            Limits(cells=most - 1).check_cells(box, cell)
+    for text, name in ((False, "file_bytes"), (True, "text_bytes")):
+        with pytest.raises(CourseError, match=rf"load it with limits=Limits\({name}=\.\.\.\)"):
+            limits.check_bytes("file", 101, text)
+
+
+@pytest.mark.parametrize(
+    ("part", "message"),
+    [
+        ({"kind": "ramp", "start": (1, 0.5), "end": (1, 0.5), "width": 0.4, "height": 0.1}, "other than the start"),
+        (
+            {
+                "kind": "tunnel",
+                "start": (1, 0.5),
+                "end": (2, 0.5),
+                "width": 0.6,
+                "height": 0.4,
+                "roof": 0.2,
+                "door": 0.4,
+            },
+            "door: expected less than the width and the height",
+        ),
+        (
+            {
+                "kind": "tunnel",
+                "start": (1, 0.5),
+                "end": (2, 0.5),
+                "width": 0.2,
+                "height": 0.4,
+                "roof": 0.2,
+                "door": 0.2,
+            },
+            "door: expected less than the width and the height",
+        ),
+        ({"kind": "mesh", "file": "far.obj"}, "expected corners within 1000 m"),
+        ({"kind": "mesh", "file": "none.glb"}, "expected triangles, received 'none.glb' without any"),
+    ],
+)
+def test_parts_that_cannot_be_built_say_why(part: dict[str, Any], message: str, tmp_path: Path) -> None:
+    """Ramps that lead nowhere, doors wider than their house, meshes far away or without triangles."""
+    trimesh.creation.box((1, 1, 1), np.diag([1, 1, 1, 1]) + 2000.0 * np.eye(4, k=3)).export(tmp_path / "far.obj")
+    (tmp_path / "none.glb").write_bytes(write_scene([Object("nothing", (0.0, 0.0, 0.0), {}, None, None)], {}))
+    with pytest.raises(CourseError, match=f"part '.* 2': .*{message}"):
+        Hole("one", tee=(0.3, 0.5)).add("lane", outline=LANE).add(**part).course(tmp_path)
+
+
+@pytest.mark.parametrize("turn", [0, 90, 180, -90])
+def test_a_lane_with_heights_is_as_thick_below_its_lowest_place(turn: int) -> None:
+    """Wherever along it that is."""
+    dip = [{"kind": "along", "at": (1.5, 0.5), "turn": turn, "profile": [(0.2, 0.0), (0.4, -0.2)]}]
+    for level in (0.0, 0.3):
+        lane = Hole("dip", tee=(1.5, 0.5)).add("lane", outline=LANE, heights=dip, level=level, thickness=0.15, border=0)
+        assert lane.course().parts[0].mesh.vertices[:, 2].min() == pytest.approx(level - 0.2 - 0.15)
+
+
+def test_a_part_named_as_the_tee_is_none(tmp_path: Path) -> None:
+    """In a .glb file it is called a part; the tee stays one."""
+    made = Hole("one", tee=(0.3, 0.5)).add("lane", outline=LANE)
+    made.add("box", name="Tee post", at=(1.5, 0.5, 0.1), size=(0.1, 0.1, 0.3))
+    (tmp_path / "one.glb").write_bytes(to_glb(made.course()))
+    again = load_course(tmp_path / "one.glb")
+    assert again.tee == made.course().tee and again.parts[-1].name == "part Tee post"
