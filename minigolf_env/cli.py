@@ -5,19 +5,37 @@ A command's docstring is its help, and what it needs is imported when it runs, s
 
 from __future__ import annotations
 
+import argparse
+import importlib.util
 import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
-
-import tyro
-from tyro.extras import SubcommandApp
+from types import ModuleType
+from typing import TYPE_CHECKING, Annotated
 
 from minigolf_env import __version__
 
+if TYPE_CHECKING:
+    import tyro
+
+
+def _imported_when_used(name: str) -> ModuleType:
+    """Return a module that is loaded when it is first looked into: see "Implementing lazy imports" in Python's docs."""
+    spec = importlib.util.find_spec(name)
+    if name in sys.modules or spec is None or spec.loader is None:
+        return importlib.import_module(name)
+    spec.loader = importlib.util.LazyLoader(spec.loader)
+    sys.modules[name] = module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+if not TYPE_CHECKING:
+    tyro = _imported_when_used("tyro")  # It takes as long as all else that the list of commands needs.
+
 FAILED = 1
-"""Exit code of a command that could not do what it was asked; tyro exits with 2 on a wrong command line."""
+"""Exit code of a command that could not do what it was asked; 2 is a wrong command line's."""
 
 NO_DISPLAY = 2
 """Exit code of a command that cannot draw here."""
@@ -245,12 +263,11 @@ def benchmark(
 
 COMMANDS = (play, video, courses, check, map_, evaluate, benchmark)
 
-DESCRIPTION = """Play minigolf, film a policy that does, or score it.
+DESCRIPTION = "Play minigolf, film a policy that does, or score it."
 
-- Examples: minigolf play --help, and so on.
-- Version: minigolf --version
-- Completion: minigolf --tyro-write-completion {bash,zsh,tcsh} FILE
-- Exit codes: 0 done; 1 failed; 2 a wrong command line, or nowhere to draw."""
+EPILOG = """examples:       minigolf COMMAND --help
+completion:     minigolf --tyro-write-completion {bash,zsh,tcsh} FILE
+exit codes:     0 done; 1 failed; 2 a wrong command line, or nowhere to draw"""
 
 
 def _place(text: str) -> tuple[float, float]:
@@ -264,11 +281,8 @@ def _place(text: str) -> tuple[float, float]:
 def main(args: Sequence[str] | None = None) -> None:
     """Run the command line, or the given arguments; a user's mistake is one line on stderr."""
     words = list(sys.argv[1:] if args is None else args)
-    if words == ["--version"]:
-        print(f"minigolf_env {__version__}")
-        return
     try:
-        _app(words[:1]).cli(args=words, prog="minigolf", description=DESCRIPTION)
+        _run(words)
         sys.stdout.flush()
     except BrokenPipeError:  # Whoever read the output has seen enough: `minigolf courses | head -3`.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -284,14 +298,19 @@ def main(args: Sequence[str] | None = None) -> None:
         sys.exit(INTERRUPTED)
 
 
-def _app(asked: Sequence[str]) -> SubcommandApp:
-    """Return the commands: one that is asked for with all of its help, the others with a line of it."""
-    app = SubcommandApp()
-    for command in COMMANDS:
-        name = command.__name__.rstrip("_")
-        summary = None if name in asked else str(command.__doc__).splitlines()[0]
-        app.command(name=name, help=summary)(command)
-    return app
+def _run(words: Sequence[str]) -> None:
+    """Let argparse find the command, and tyro read what it is to do."""
+    commands = {command.__name__.rstrip("_"): command for command in COMMANDS}
+    if words[:1] == ["--tyro-write-completion"]:
+        tyro.extras.subcommand_cli_from_dict(commands, prog="minigolf", args=words)
+    style = argparse.RawDescriptionHelpFormatter
+    parser = argparse.ArgumentParser("minigolf", description=DESCRIPTION, epilog=EPILOG, formatter_class=style)
+    parser.add_argument("--version", action="version", version=f"minigolf_env {__version__}")
+    known = parser.add_subparsers(title="commands", metavar="COMMAND", dest="command", required=True)
+    for name, command in commands.items():
+        known.add_parser(name, help=str(command.__doc__).splitlines()[0], add_help=False)
+    name = parser.parse_args(words[:1]).command
+    tyro.cli(commands[name], prog=f"minigolf {name}", args=words[1:])
 
 
 def _say(error: Exception, code: int) -> int:
