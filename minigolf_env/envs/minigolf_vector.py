@@ -66,6 +66,8 @@ class MiniGolfVectorEnv(Attributes):
         "render_fps": FPS,
         "autoreset_mode": AutoresetMode.NEXT_STEP,
     }
+    screens: tuple[Screen, ...] = ()
+    """One for each environment that can be seen; none where the constructor was refused its arguments."""
 
     def __init__(
         self,

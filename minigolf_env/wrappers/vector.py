@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import gymnasium as gym
 import numpy as np
@@ -20,9 +20,13 @@ from minigolf_env.wrappers.recorder import RECORDABLE, Recorder, Trigger
 Picture = NDArray[np.uint8]
 
 
-class RecordVideo(
-    VectorWrapper[Observations, Actions, Observations, Actions, NDArray[Any]], gym.utils.RecordConstructorArgs
-):
+if TYPE_CHECKING:
+    Wrapper = VectorWrapper[Observations, Actions, Observations, Actions, NDArray[Any]]
+else:
+    Wrapper = VectorWrapper  # Generic from Gymnasium 1.3 on only.
+
+
+class RecordVideo(Wrapper, gym.utils.RecordConstructorArgs):
     """Records videos as ``gymnasium.wrappers.vector.RecordVideo`` does, but of each putt all pictures.
 
     The pictures of all environments are tiled. A step is as long as its longest putt; where a ball lies before that,
@@ -125,7 +129,8 @@ class RecordVideo(
     def close(self, **kwargs: Any) -> None:
         """Finish the video and close the environments."""
         try:
-            self._recorder.stop()
+            if hasattr(self, "_recorder"):  # Older Gymnasiums also close what was refused its arguments.
+                self._recorder.stop()
         finally:
             self.env.close(**kwargs)
 
