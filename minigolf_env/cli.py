@@ -237,7 +237,7 @@ def benchmark(
     """Score a policy on fixed training levels and on levels held out, beside search.
 
     $ minigolf benchmark --policy random --difficulty easy --levels 20
-    $ minigolf benchmark --policy runs/procedural-1/best.zip --json scores.json
+    $ minigolf benchmark --policy runs/procedural-1/best.npz --json scores.json
 
     Args:
         policy: "search", "random", "ppo", "generalist" or a model's .zip or .npz file.

@@ -11,6 +11,7 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 import minigolf_env
+from tests.pins import read_pins
 
 ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
@@ -26,24 +27,17 @@ REQUIREMENTS = [
 LAZY = ("OpenGL", "matplotlib", "pydantic", "pyglet", "shapely", "stable_baselines3", "torch", "trimesh")
 
 
-def read_pins(file: str) -> dict[str, str]:
-    """Return the version that a file pins for each package, by canonical name."""
-    lines = (ROOT / file).read_text().splitlines()
-    pins = [line.split("==") for line in lines if line and not line.startswith("#")]
-    return {canonicalize_name(name): version for name, version in pins}
-
-
 @pytest.mark.parametrize(("file", "requirement"), REQUIREMENTS, ids=str)
 def test_every_requirement_is_pinned_to_a_version_it_allows(file: str, requirement: Requirement) -> None:
     """The file has a pin for each dependency, inside the bounds of pyproject.toml."""
-    pin = read_pins(file).get(canonicalize_name(requirement.name))
+    pin = read_pins(ROOT / file).get(canonicalize_name(requirement.name))
     assert pin is not None, f"{requirement.name} has no pin: refresh {file} as its first lines say"
     assert requirement.specifier.contains(pin), f"{file} pins {pin}, pyproject.toml asks for {requirement}"
 
 
 def test_with_ray_only_gymnasium_is_another() -> None:
     """The two tested sets pin the same versions of everything else that is in both."""
-    with_ray, without = read_pins("constraints-distributed.txt"), read_pins("constraints.txt")
+    with_ray, without = (read_pins(ROOT / f"constraints{kind}.txt") for kind in ("-distributed", ""))
     assert {name for name in with_ray.keys() & without.keys() if with_ray[name] != without[name]} == {"gymnasium"}
 
 

@@ -9,9 +9,11 @@ from pathlib import Path
 import pytest
 from packaging.utils import canonicalize_name
 
+from tests.pins import pins, read_pins
+
 ROOT = Path(__file__).parents[1]
 
-REMEDY = "write them anew with `nox -s supply`"
+REMEDY = "write them anew with `make supply`"
 
 PERMISSIVE = ("0BSD", "3-Clause BSD", "Apache", "BSD", "BSL-1.0", "CC0", "ISC", "MIT", "PSF", "Python Software", "Zlib")
 """How the names of licences begin that ask for no more than to be named."""
@@ -26,14 +28,7 @@ UNSAID = {"pyglet": "BSD-3-Clause, in its LICENSE"}
 """What those are under who do not say so in their metadata."""
 
 
-def pins(text: str) -> dict[str, str]:
-    """Return the versions in lines such as "numpy==2.4.6", by canonical names."""
-    return {
-        canonicalize_name(name): version for name, version in re.findall(r"^([\w.-]+)==([^\s;+]+)", text, re.MULTILINE)
-    }
-
-
-TESTED = pins((ROOT / "constraints.txt").read_text())
+TESTED = read_pins(ROOT / "constraints.txt")
 
 
 def test_the_lock_file_has_the_tested_versions_and_a_hash_of_each() -> None:

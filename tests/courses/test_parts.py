@@ -390,34 +390,16 @@ def test_limits_are_the_most_that_is_taken() -> None:
             limits.check_bytes("file", 101, text)
 
 
+TUNNEL = {"kind": "tunnel", "start": (1, 0.5), "end": (2, 0.5), "height": 0.4, "roof": 0.2}
+"""Without what its door is compared with."""
+
+
 @pytest.mark.parametrize(
     ("part", "message"),
     [
         ({"kind": "ramp", "start": (1, 0.5), "end": (1, 0.5), "width": 0.4, "height": 0.1}, "other than the start"),
-        (
-            {
-                "kind": "tunnel",
-                "start": (1, 0.5),
-                "end": (2, 0.5),
-                "width": 0.6,
-                "height": 0.4,
-                "roof": 0.2,
-                "door": 0.4,
-            },
-            "door: expected less than the width and the height",
-        ),
-        (
-            {
-                "kind": "tunnel",
-                "start": (1, 0.5),
-                "end": (2, 0.5),
-                "width": 0.2,
-                "height": 0.4,
-                "roof": 0.2,
-                "door": 0.2,
-            },
-            "door: expected less than the width and the height",
-        ),
+        ({**TUNNEL, "width": 0.6, "door": 0.4}, "door: expected less than the width and the height"),
+        ({**TUNNEL, "width": 0.2, "door": 0.2}, "door: expected less than the width and the height"),
         ({"kind": "mesh", "file": "far.obj"}, "expected corners within 1000 m"),
         ({"kind": "mesh", "file": "none.glb"}, "expected triangles, received 'none.glb' without any"),
     ],
