@@ -125,6 +125,8 @@ def _hemmed(scene: Scene, contacts: FloatArray, p: Vec3, x: Vec3, span: float) -
     """
     left, held = x, ZERO
     for _ in range(MAX_CONTACTS):
+        if dot(left, left) == 0.0:
+            break
         hit = sweep(scene, p, scale(left, span))
         if hit.alpha > 0.0:
             break
