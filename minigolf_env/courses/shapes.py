@@ -27,7 +27,8 @@ Turn: TypeAlias = Annotated[float, Field(strict=True, ge=-360.0, le=360.0)]
 class Record(BaseModel):
     """What all records share: unknown keys are errors that guess which was meant."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
+    # Built when first used: of the parts of a description no checker is needed but the whole's.
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True, defer_build=True)
 
     @model_validator(mode="before")
     @classmethod
