@@ -7,7 +7,7 @@ from pathlib import Path
 
 from minigolf_env.courses.course import Course, CourseError
 from minigolf_env.courses.limits import Limits
-from minigolf_env.courses.procedural import is_level_name, load_level
+from minigolf_env.courses.procedural import PROCEDURAL, is_level_name, level_name, load_level
 from minigolf_env.physics.checks import one_of, positive_number
 
 DATA = Path(__file__).parent / "data"
@@ -93,6 +93,11 @@ def _path(name: str | Path) -> Path:
         if path.is_file():
             return path.resolve()
         raise ValueError(f"course: expected a course file, received {str(name)!r}, which is not there; check the path.")
+    if name == PROCEDURAL:
+        raise ValueError(
+            f"course: expected one hole, received {name!r}, which is endless levels; "
+            f"name one of them, such as {level_name('easy', 17)!r}."
+        )
     return DATA / f"{one_of(name, HOLES + ROOMS, 'course')}.toml"
 
 

@@ -211,6 +211,7 @@ def test_courses_are_found_by_name() -> None:
     ("request_", "message"),
     [
         ({"name": "dog-leg"}, r"expected one of .*, received 'dog-leg'; did you mean 'dogleg'\?"),
+        ({"name": "procedural"}, r"endless levels; name one of them, such as 'procedural-v1-easy-17'"),
         ({"name": "windmill"}, "expected one of 'straight', 'dogleg', .*'room', received 'windmill'"),
         ({"name": "holes/nine.toml"}, "expected a course file, received 'holes/nine.toml', which is not there"),
         ({"name": "nine.glb"}, "expected a course file, received 'nine.glb'"),
