@@ -30,6 +30,7 @@ from stable_baselines3.common.vec_env import VecMonitor
 from agents.sb3_vec_env import SB3VecEnv
 from minigolf_env import evaluation, scoring
 from minigolf_env.files import remove_parts, write_text, writing
+from minigolf_env.network import check_model
 from minigolf_env.policies import Policy, PredictPolicy, load_policy
 
 CONSOLE = Console()
@@ -168,6 +169,7 @@ def train(args: Args, build: Build[Args], callbacks: Sequence[BaseCallback], fol
         if isinstance(model, OffPolicyAlgorithm):  # Its memory is not saved: first it collects a new one.
             model.learning_starts += model.num_timesteps
     elif args.start is not None:
+        check_model(args.start)
         model.set_parameters(str(args.start))
     model.tensorboard_log = str(folder)
     checkpoints = Checkpoints(args, folder)
@@ -192,6 +194,7 @@ def restore(model: BaseAlgorithm, path: Path) -> None:
 
     Unlike ``load`` it runs no code that is pickled in the file: a run of someone else's may be gone on with, too.
     """
+    check_model(path)
     _, parameters, variables = load_from_zip_file(path, device=model.device, load_data=False)
     model.set_parameters(parameters, device=model.device)
     for name, value in (variables or {}).items():  # SAC's entropy coefficient, which is no network's.

@@ -33,7 +33,7 @@ from minigolf_env.courses.procedural import PROCEDURAL
 from minigolf_env.envs.task import Game
 from minigolf_env.evaluation import Score
 from minigolf_env.files import writing
-from minigolf_env.network import Layer, Network, read_network
+from minigolf_env.network import Layer, Network, check_weights, read_network
 from minigolf_env.policies import ModelPolicy
 from minigolf_env.sight import NUMBERS, QUICK, SHORTEST, TOP_ROLL, Putts, actions, best, foresee
 
@@ -127,6 +127,7 @@ class Training:
         self.optimizer = torch.optim.AdamW(self.net.parameters(), args.learning_rate, weight_decay=1e-3)
         self.putts = 0
         if (folder / "checkpoint.pt").is_file():
+            check_weights((folder / "checkpoint.pt").read_bytes())
             stored = torch.load(folder / "checkpoint.pt", weights_only=True)
             self.net.load_state_dict(stored["net"])
             self.optimizer.load_state_dict(stored["optimizer"])

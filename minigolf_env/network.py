@@ -13,6 +13,8 @@ import itertools
 import json
 import math
 import pickle
+import pickletools
+import re
 import struct
 import tokenize
 import zipfile
@@ -133,6 +135,15 @@ LARGEST = 64_000_000
 LARGEST_TEXT = LARGEST // 16
 """Largest JSON text taken, bytes: as Python's objects it takes 30 times the memory."""
 
+ZIP = b"PK\x03\x04"
+"""How a zip file begins. Torch takes what begins otherwise for a bare pickle, whatever follows."""
+
+NAMING = ("GLOBAL", "STACK_GLOBAL", "INST", "EXT1", "EXT2", "EXT4")
+"""The pickle's operations that name what is called, or hide its name."""
+
+TENSORS = re.compile(r"collections OrderedDict|torch\._utils _rebuild_tensor_v2|torch \w+Storage")
+"""What they may name."""
+
 UNREADABLE = (
     ArithmeticError,
     AssertionError,
@@ -181,9 +192,12 @@ def _read_npz(path: Path) -> Network:
         arrays = {name: _npy(_read(archive, name)) for name in entries}
     count = sum(name.startswith("bias_") for name in arrays)
     layers = _layers([(arrays[f"weights_{i}.npy"], arrays[f"bias_{i}.npy"]) for i in range(count)])
+    named = {name: arrays[f"{name}.npy"] for name in ("activation", "squash", "judges") if f"{name}.npy" in arrays}
+    if any(array.shape != () for array in named.values()):
+        raise ValueError(f"expected {', '.join(named)} without axes, received arrays.")
     # As bytes: numpy's texts in a file may have characters that are none, with which Python's own do not work.
-    activation = arrays["activation.npy"].astype("S80").item().decode("ascii")
-    return Network(layers, activation, bool(arrays["squash.npy"]), bool(arrays.get("judges.npy", False)))
+    activation = named["activation"].astype("S80").item().decode("ascii")
+    return Network(layers, activation, bool(named["squash"]), bool(named.get("judges", False)))
 
 
 def _npy(content: bytes) -> NDArray[Any]:
@@ -216,15 +230,10 @@ def _read_zip(path: Path) -> Network:
         import torch
     except ImportError as error:
         raise ImportError("A model's .zip file needs torch: pip install 'minigolf-env[agents]'.") from error
+    check_model(path)
     with zipfile.ZipFile(path) as archive:
-        entries = _check_size(archive)
-        if entries["data"].file_size > LARGEST_TEXT:
-            raise ValueError(f"expected at most {LARGEST_TEXT} bytes of JSON, received {entries['data'].file_size}.")
         about: dict[str, Any] = json.loads(_read(archive, "data"))
         weights = io.BytesIO(_read(archive, "policy.pth"))
-    with zipfile.ZipFile(weights) as archive:  # What torch writes is one, too.
-        _check_size(archive)
-    weights.seek(0)
     state: dict[str, Any] = torch.load(weights, map_location="cpu", weights_only=True)
     kind = next((kind for kind in KINDS.values() if f"{kind.last}.weight" in state), None)
     if kind is None or any("features_extractor." in name for name in state):
@@ -238,6 +247,39 @@ def _read_zip(path: Path) -> Network:
     # Written as a class's text beside its pickle: "<class 'torch.nn.modules.activation.Tanh'>".
     activation = str(about["policy_kwargs"].get("activation_fn", kind.activation))[-80:].rpartition(".")[2].strip("'>")
     return Network(layers, activation.lower(), kind.squash)
+
+
+def check_model(path: Path) -> None:
+    """Raise a ValueError if reading a model's .zip file could take far more memory than it has weights.
+
+    ``torch.load`` with ``weights_only`` runs no code of the file, but makes arrays of any size that its pickle names.
+    """
+    with zipfile.ZipFile(path) as archive:
+        entries = _check_size(archive)
+        if entries["data"].file_size > LARGEST_TEXT:
+            raise ValueError(f"expected at most {LARGEST_TEXT} bytes of JSON, received {entries['data'].file_size}.")
+        size = sum(check_weights(_read(archive, name)) for name in entries if name.endswith(".pth"))
+    if size > LARGEST:
+        raise ValueError(f"expected at most {LARGEST} bytes of weights, received {size}.")
+
+
+def check_weights(content: bytes) -> int:
+    """Return how many bytes what ``torch.save`` wrote unpacks to; raise a ValueError if it holds more than tensors."""
+    if not content.startswith(ZIP):
+        raise ValueError("expected weights as torch saves them, a zip file, received something else.")
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        entries = _check_size(archive)
+        for name in entries:
+            if name.endswith(".pkl"):
+                _check_pickle(_read(archive, name))
+    return sum(entry.file_size for entry in entries.values())
+
+
+def _check_pickle(content: bytes) -> None:
+    """Raise a ValueError if a pickle calls anything that weights do not need. It is only looked at, not loaded."""
+    for opcode, argument, _ in pickletools.genops(content):
+        if opcode.name in NAMING and not (isinstance(argument, str) and TENSORS.fullmatch(argument)):
+            raise ValueError(f"expected tensors alone, received {str(argument)!r:.80}.")
 
 
 def _check_size(archive: zipfile.ZipFile) -> dict[str, zipfile.ZipInfo]:

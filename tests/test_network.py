@@ -8,6 +8,7 @@ import json
 import os
 import pickle
 import random
+import struct
 import tracemalloc
 import zipfile
 from collections.abc import Callable
@@ -172,10 +173,15 @@ def header(shape: tuple[int, ...], dtype: str = "<f4") -> bytes:
 def write_npz(path: Path, **entries: bytes) -> None:
     """Write an .npz file of these bytes, other entries those of a network."""
     known = {"activation": np.array("tanh"), "squash": np.array(False), "bias_0": np.zeros(2, np.float32)}
-    np.savez(path, **known)
+    np.savez(path, **{name: array for name, array in known.items() if name not in entries})
     with zipfile.ZipFile(path, "a", zipfile.ZIP_DEFLATED) as file:
         for name, content in entries.items():
             file.writestr(f"{name}.npy", content)
+
+
+def letters(number: int) -> bytes:
+    """Return a .npy file with so many texts of one letter."""
+    return header((number,), "|S1")[:-4] + bytes(number)
 
 
 def understated(path: Path, name: str) -> None:
@@ -195,6 +201,17 @@ def nested(size: int) -> bytes:
     return file.getvalue()
 
 
+def allocating(bare: bool) -> bytes:
+    """Return what torch takes for weights, a pickle that asks for gigabytes: in a zip file, or before an empty one."""
+    content = b"\x80\x02cbuiltins\nbytearray\nJ" + struct.pack("<i", 2**31 - 1) + b"\x85R."
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w") as archive:
+        archive.writestr("archive/version", "3\n")
+        archive.writestr("archive/byteorder", "little")
+        archive.writestr("archive/data.pkl", b"" if bare else content)
+    return content + file.getvalue() if bare else file.getvalue()
+
+
 BOMBS: dict[str, Callable[[Path], None]] = {
     "zeros.npz": lambda path: write_npz(path, weights_0=bytes(2 * LARGEST)),
     "far.npz": lambda path: write_npz(path, weights_0=header((2**70, 2))),
@@ -204,6 +221,9 @@ BOMBS: dict[str, Callable[[Path], None]] = {
     "bytes.npz": lambda path: write_npz(
         path, weights_0=header((LARGEST // 3, 2), "|i1")[:-4] + bytes(LARGEST * 2 // 3)
     ),
+    "letters.npz": lambda path: write_npz(path, weights_0=header((1, 2)) + bytes(4), activation=letters(12_000_000)),
+    "allocating.zip": lambda path: write_zip(path, policy=allocating(bare=False)),
+    "bare.zip": lambda path: write_zip(path, policy=allocating(bare=True)),
     "spaces.zip": lambda path: write_zip(path, ppo(), " " * 2 * LARGEST),
     "lists.zip": lambda path: write_zip(path, ppo(), "[" + "[]," * 10_000_000 + "[]]"),
     "repeated.zip": lambda path: write_zip(path, {"action_net.weight": repeated(2, 150_000_000)}),
