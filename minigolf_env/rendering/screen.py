@@ -197,6 +197,8 @@ class Screen:
         if event.before is None or event.velocity is None:
             self._begin(event)
             return None
+        if event.stage is not self._stage:  # The ball was put there unseen.
+            self._begin(event)
         self._ball = event.lies
         path, times = self._stage.trace(event.before, event.velocity)
         replay = Replay(

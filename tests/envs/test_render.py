@@ -182,6 +182,19 @@ def test_the_last_putt_is_still_seen_after_an_automatic_reset() -> None:
         assert len(pictures) == frames_of(info["final_info"]["shot_time"][0]) + 1
 
 
+def test_a_putt_is_shown_on_its_hole_whoever_looked_away() -> None:
+    """Its pictures are the same, whether the holes before it were looked at or not."""
+    options: dict[str, Any] = {"render_mode": "rgb_array_list", "autoreset_mode": "SameStep", "max_strokes": 1}
+    often, once = (MiniGolfVectorEnv(1, "round", **options, **SMALL) for _ in range(2))
+    often.reset(seed=0)
+    once.reset(seed=0)
+    for _ in range(3):
+        often.render()
+        often.step(PUTT[None])
+        once.step(PUTT[None])
+    np.testing.assert_array_equal(often.render(), once.render())
+
+
 def test_pixels_show_ball_cup_and_strokes_left() -> None:
     """The picture changes where the ball goes; its bar is as long as the strokes left."""
     env = MiniGolfEnv(observation="pixels", max_strokes=4)
