@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 import tyro
 
 from agents import runs, train_generalist, train_ppo
@@ -58,7 +59,8 @@ def main(args: Args) -> None:
     trained: runs.Run = runs.read_args(train_generalist.Args if judges else train_ppo.Args, args.run)
     file = args.folder / SHIPPED[name]
     with writing(file) as part:  # The model that shipped before stays until this one is scored.
-        read_network(args.run / ("best.npz" if judges else "best.zip")).save(part)
+        # A judge, which has ten times the weights, is rounded.
+        read_network(args.run / ("best.npz" if judges else "best.zip")).save(part, np.float16 if judges else np.float32)
         size = part.stat().st_size
         if size > LARGEST:
             raise SystemExit(f"model: expected at most {LARGEST:,} bytes, received {size:,}; train a smaller network.")

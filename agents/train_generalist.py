@@ -35,7 +35,7 @@ from minigolf_env.evaluation import Score
 from minigolf_env.files import writing
 from minigolf_env.network import Layer, Network, check_weights, read_network
 from minigolf_env.policies import ModelPolicy
-from minigolf_env.sight import NUMBERS, QUICK, SHORTEST, TOP_ROLL, Putts, actions, best, foresee
+from minigolf_env.sight import MIRROR, NUMBERS, QUICK, SHORTEST, TOP_ROLL, Putts, actions, best, foresee
 
 Array = NDArray[np.float32]
 
@@ -51,29 +51,29 @@ class Args(runs.Run):
     """The command line."""
 
     course: str = PROCEDURAL
-    difficulties: tuple[str, ...] = ("easy", "medium")
-    """Of the levels, all learned and scored."""
+    difficulties: tuple[str, ...] = ("easy", "medium", "medium")
+    """Of the levels, learned as often as they are named, and scored."""
     num_levels: int | None = 500_000
     observation: str = "rays"
-    putts: int = 1_000_000
+    putts: int = 3_000_000
     """Putts to try."""
-    num_envs: int = 128
-    """Of each difficulty."""
+    num_envs: int = 96
+    """Of each difficulty, as often as it is named."""
     tries: int = 32
     """Putts tried from each place; one of them is played."""
     greedy: float = 0.6
     """How often that is the one judged best."""
 
-    memory: int = 1_000_000
+    memory: int = 2_000_000
     """Putts learned from: the last ones."""
-    reuse: float = 8.0
+    reuse: float = 16.0
     """How often a putt is learned from, on average."""
     batch_size: int = 2048
     learning_rate: float = 2e-3
     """At the start; falls linearly to 0."""
-    hidden: tuple[int, ...] = (128, 128, 128)
+    hidden: tuple[int, ...] = (192, 192, 192)
 
-    check_every: int = 150_000
+    check_every: int = 500_000
     check_episodes: int = 200
     check_seed: int = 500_000
     final_episodes: int = 200
@@ -81,6 +81,11 @@ class Args(runs.Run):
     @property
     def games(self) -> list[dict[str, Any]]:
         """One for each difficulty."""
+        return [game for k, game in enumerate(self.learned) if game not in self.learned[:k]]
+
+    @property
+    def learned(self) -> list[dict[str, Any]]:
+        """One for each time that a difficulty is named."""
         if self.course != PROCEDURAL:
             return [self.game]
         return [{**self.game, "difficulty": difficulty} for difficulty in self.difficulties]
@@ -105,9 +110,11 @@ class Memory:
         self.added += len(sights)
 
     def draw(self, number: int) -> tuple[torch.Tensor, torch.Tensor]:
-        """Return some putts, and what became of them."""
+        """Return some putts, every second one mirrored, and what became of them."""
         rows = self.rng.integers(min(self.added, len(self.sights)), size=number)
-        return torch.from_numpy(self.sights[rows]), torch.from_numpy(self.targets[rows])
+        sights = self.sights[rows]
+        sights[::2] *= MIRROR
+        return torch.from_numpy(sights), torch.from_numpy(self.targets[rows])
 
 
 class Training:
@@ -138,7 +145,7 @@ class Training:
         # One to play by and one to learn by, which goes on at the same time. Resumed, not the same levels again.
         self.rng, learning = np.random.default_rng((args.seed, self.putts)).spawn(2)
         self.memory = Memory(args.memory, learning)
-        self.batches = [runs.make_batch(args, game) for game in args.games]
+        self.batches = [runs.make_batch(args, game) for game in args.learned]
         self.seen = [batch.reset(seed=int(self.rng.integers(2**31)))[0] for batch in self.batches]
         self.logger = configure(str(folder / "log"), ["tensorboard"])
 

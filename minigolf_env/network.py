@@ -110,13 +110,13 @@ class Network:
             x = through(x, layer)
         return x
 
-    def save(self, path: str | Path) -> None:
-        """Write the network to an .npz file; the same network gives the same bytes."""
+    def save(self, path: str | Path, dtype: type[np.floating[Any]] = np.float32) -> None:
+        """Write the network to an .npz file, its weights as a type; the same network gives the same bytes."""
         arrays: dict[str, Any] = {"activation": np.array(self.activation), "squash": np.array(self.squash)}
         if self.judges:
             arrays["judges"] = np.array(True)
         for i, (weights, bias) in enumerate(self.layers):
-            arrays |= {f"weights_{i}": weights, f"bias_{i}": bias}
+            arrays |= {f"weights_{i}": weights.astype(dtype), f"bias_{i}": bias.astype(dtype)}
         with Path(path).open("wb") as file:
             np.savez_compressed(file, **arrays)
 

@@ -39,6 +39,10 @@ FLAT = 0.02
 NUMBERS = 20 + 12 * LEGS
 """Of a sight."""
 
+MIRROR = np.ones(NUMBERS, np.float32)
+"""What a sight is times, where left and right are exchanged: -1 for the numbers that say how far to the left."""
+MIRROR[[1, 5, *range(9, 13), *(13 + 9 * leg + k for leg in range(LEGS) for k in (0, 1, 2, 8))]] = -1.0
+
 ANGLE = 2.0 * math.pi / RAYS
 WAYS = np.stack([np.cos(ANGLE * np.arange(RAYS)), np.sin(ANGLE * np.arange(RAYS))], axis=-1).astype(np.float32)
 """(RAYS, 2) the directions of the rays."""

@@ -68,6 +68,21 @@ def test_a_judge_is_what_it_says(tmp_path: Path) -> None:
     assert all(net.cost(sights[i : i + 1]).tobytes() == costs[i : i + 1].tobytes() for i in range(5))
 
 
+def test_a_rounded_file_is_half_as_large(tmp_path: Path) -> None:
+    """Weights of 16 bits are read as others are, each within a two-thousandth, and play as they are read."""
+    net, file = network(68, 100, 100, 2, activation="relu", judges=True), tmp_path / "half.npz"
+    net.save(tmp_path / "whole.npz")
+    net.save(file, np.float16)
+    assert file.stat().st_size < 0.55 * (tmp_path / "whole.npz").stat().st_size
+    again = read_network(file)
+    for layer, other in zip(net.layers, again.layers, strict=True):
+        for one, two in zip(layer, other, strict=True):
+            assert two.dtype == np.float32
+            np.testing.assert_allclose(one, two, rtol=2.0**-11, atol=2.0**-24)
+    again.save(tmp_path / "again.npz", np.float16)
+    assert (tmp_path / "again.npz").read_bytes() == file.read_bytes()
+
+
 @pytest.mark.parametrize("shape", [(10,), (3, 9), (3, 11), (2, 3, 10), ()])
 def test_observations_of_another_shape_are_refused(shape: tuple[int, ...]) -> None:
     """Too many numbers would otherwise play all the same."""

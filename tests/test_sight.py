@@ -15,6 +15,7 @@ from minigolf_env.sight import (
     DEPTH,
     HEIGHT,
     LEGS,
+    MIRROR,
     NUMBERS,
     RAY,
     SLOPE,
@@ -93,6 +94,18 @@ def test_a_turned_hole_looks_the_same() -> None:
             turned[:, first : first + 2] = seen[:, first : first + 2] @ rotation
         error = np.abs(foresee(turned, directions + angle, rolls) - expected)
         assert np.quantile(error, 0.99) < 1e-3  # A line that meets a corner may go either way.
+
+
+def test_a_mirrored_hole_looks_mirrored() -> None:
+    """Left and right are exchanged, and nothing else: x stays, y is turned."""
+    seen, rng = observations(20), np.random.default_rng(1)
+    directions, rolls = rng.uniform(0.0, 6.0, (20, 5)), rng.uniform(0.3, 30.0, (20, 5, 2))
+    mirrored = seen.copy()
+    mirrored[:, RAY:DEPTH] = seen[:, RAY:DEPTH][:, -np.arange(RAYS)]
+    for first in (0, SLOPE, STRAIGHT):  # The place, the slope, the cup.
+        mirrored[:, first + 1] *= -1.0
+    error = np.abs(foresee(mirrored, -directions, rolls) - MIRROR * foresee(seen, directions, rolls))
+    assert np.quantile(error, 0.95, axis=(0, 1, 2)).max() < 1e-3  # A line that meets a corner may go either way.
 
 
 def test_balls_do_what_was_foreseen() -> None:

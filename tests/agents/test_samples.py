@@ -60,9 +60,9 @@ SMALL_GENERALIST: dict[str, Any] = {**TINY, "num_envs": 2, "tries": 8, "num_leve
 def test_the_generalist_runs(tmp_path: Path) -> None:
     """It learns to tell putts apart, is scored on each difficulty, and its file alone plays as it did."""
     folder = tmp_path / "run"
-    scores = train_generalist.main(train_generalist.Args(out=folder, **{**SMALL_GENERALIST, "putts": 640}))
+    scores = train_generalist.main(train_generalist.Args(out=folder, **{**SMALL_GENERALIST, "putts": 672}))
     history = json.loads((folder / "progress.json").read_text())
-    assert history[-1]["putts"] == 640 and len(history) > 2
+    assert history[-1]["putts"] == 672 and len(history) > 2
     assert [(score.policy, score.difficulty) for score in scores[1::2]] == [
         ("generalist", "easy"),
         ("generalist", "medium"),
@@ -80,7 +80,7 @@ def test_the_generalist_goes_on(tmp_path: Path) -> None:
     args = train_generalist.Args(out=tmp_path / "a", **SMALL_GENERALIST)
     train_generalist.main(args)
     again = train_generalist.Training(args, tmp_path / "a")
-    assert again.putts == 64 and len(again.progress.history) == 3
+    assert again.putts == 96 and len(again.progress.history) == 3
     stored = read_network(tmp_path / "a" / "checkpoint.npz")
     begun = train_generalist.Training(
         dataclasses.replace(args, seed=1, start=tmp_path / "a" / "checkpoint.npz"), tmp_path
