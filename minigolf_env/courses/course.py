@@ -204,6 +204,11 @@ class Course:
                     "give a cup, or leave them out."
                 )
             return
+        if not self.gravity[2] < 0.0:
+            raise CourseError(
+                f"gravity: expected one that pulls down where there is a cup, received {self.gravity!r}; "
+                "the Earth's is (0, 0, -9.81) m/s^2."
+            )
         self.cup.check_takes(self.ball_radius)
         if type(self.par) is not int or self.par < 1:
             raise CourseError(f"par: expected an integer >= 1, received {self.par!r}; count a good player's strokes.")

@@ -23,6 +23,9 @@ from minigolf_env.physics.checks import one_of
 SCHEMA = Path(__file__).parent / "data" / "course.schema.json"
 """What editors complete course files from."""
 
+PLAIN = re.compile(r"[\w-]+")
+"""A key that is written as it is; in others there may be anything, a terminal's commands too."""
+
 MOST_DOTS = 100
 """Dots in a key; descriptions need two."""
 
@@ -216,18 +219,19 @@ def _where(loc: tuple[int | str, ...], text: str, missing: bool) -> tuple[str, i
         elif step in tags or (number == 2 and loc[0] == "parts"):
             continue
         else:
-            path += f".{step}" if path else str(step)
+            name = step if PLAIN.fullmatch(step) else repr(step)
+            path += f".{name}" if path else name
             keys.append(step)
-    lines = text.splitlines()
+    lines = [line.lstrip() for line in text.splitlines()]
     at = None
     keys = keys[:-1] if missing else keys
     if loc[:1] == ("parts",) and len(loc) > 1 and isinstance(loc[1], int):
-        headers = [k for k, line in enumerate(lines) if re.match(r"\s*\[\[\s*parts\s*\]\]", line)]
+        headers = [k for k, line in enumerate(lines) if re.match(r"\[\[\s*parts\s*\]\]", line)]
         if loc[1] >= len(headers):
             return path, None
         at, keys = headers[loc[1]], keys[1:]
     for key in keys:
-        pattern = re.compile(rf"(\s*\[*\s*|.*[\s{{.]){re.escape(key)}\s*[=\].]")
+        pattern = re.compile(rf"(\[*\s*|.*[\s{{.]){re.escape(key)}\s*[=\].]")
         start = at or 0
         found = next((k for k in range(start, len(lines)) if pattern.match(lines[k])), None)
         if found is None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Sequence
 from pathlib import Path
 
 from minigolf_env.courses.course import Course, CourseError
@@ -49,7 +50,7 @@ def list_courses() -> list[str]:
 def load_course(name: str | Path | Course, cup_radius: float | None = None, limits: Limits | None = None) -> Course:
     """Return a course by its name or file, or a Course as it is.
 
-    Courses are immutable: the same request gives the same one, as long as the file stays as it is.
+    Courses are immutable: the same request gives the same one, as long as the file, and those it names, stay the same.
 
     Args:
         name: one of ``list_courses()``; "room", which has no cup; a level such as "procedural-v1-easy-17"; the path of
@@ -70,7 +71,9 @@ def load_course(name: str | Path | Course, cup_radius: float | None = None, limi
         path = _path(name)
     except ValueError as error:
         raise CourseError(str(error)) from error
-    return _read(path, path.stat().st_mtime_ns, radius, limits or Limits())
+    limits = limits or Limits()
+    stamps = _stamps([path])
+    return _read(path, stamps + _stamps(_meshes(path, stamps, limits)), radius, limits)
 
 
 def par_of(name: str) -> int | None:
@@ -88,11 +91,12 @@ def par_of(name: str) -> int | None:
 
 def _path(name: str | Path) -> Path:
     """Return the file of a course, or raise a ValueError."""
-    if Path(str(name)).suffix.lower() in FILES:
+    name = str(name)
+    if Path(name).suffix.lower() in FILES:
         path = Path(name)
         if path.is_file():
             return path.resolve()
-        raise ValueError(f"course: expected a course file, received {str(name)!r}, which is not there; check the path.")
+        raise ValueError(f"course: expected a course file, received {name!r}, which is not there; check the path.")
     if name == PROCEDURAL:
         raise ValueError(
             f"course: expected one hole, received {name!r}, which is endless levels; "
@@ -110,8 +114,24 @@ def _as_it_is(course: Course, cup_radius: float | None) -> Course:
     )
 
 
+def _stamps(files: Sequence[Path]) -> tuple[int, ...]:
+    """Return when the files that are there were changed."""
+    return tuple(file.stat().st_mtime_ns for file in files if file.is_file())
+
+
 @functools.lru_cache(maxsize=64)
-def _read(path: Path, changed: int, cup_radius: float | None, limits: Limits) -> Course:
+def _meshes(path: Path, changed: tuple[int, ...], limits: Limits) -> list[Path]:
+    """Return the mesh files beside a course file that it names."""
+    if path.suffix.lower() != ".toml" or path.parent == DATA:
+        return []
+    from minigolf_env.courses.files import read_description
+
+    names = (getattr(part, "file", None) for part in read_description(path, limits).parts)
+    return [path.parent / name for name in names if name is not None]
+
+
+@functools.lru_cache(maxsize=64)
+def _read(path: Path, changed: tuple[int, ...], cup_radius: float | None, limits: Limits) -> Course:
     """Return a file's course; imported here, because the libraries take longer than all the rest to load."""
     if path.suffix.lower() == ".glb":
         from minigolf_env.courses.glb import read_glb

@@ -18,6 +18,10 @@ ARC = 5.0
 """Turn of an arc's pieces, degrees: what a solid of revolution with 72 sides has."""
 
 
+MOST_CORNERS = 20_000
+"""Of an outline, before and after its shapes are put together."""
+
+
 def outline(shapes: Sequence[Shape], holes: Sequence[Shape] = ()) -> Outline:
     """Return the area that any of the shapes covers, less the holes.
 
@@ -36,7 +40,17 @@ def outline(shapes: Sequence[Shape], holes: Sequence[Shape] = ()) -> Outline:
 def union(shapes: Sequence[Shape]) -> Any:
     """Return the area that any of the shapes covers, in one piece or several; a single shape as it is."""
     polygons = [_polygon(shape) for shape in shapes]
-    return polygons[0] if len(polygons) == 1 else shapely.union_all(polygons)
+    _check_corners(polygons)
+    area = polygons[0] if len(polygons) == 1 else shapely.union_all(polygons)
+    _check_corners([area])
+    return area
+
+
+def _check_corners(polygons: Sequence[Outline]) -> None:
+    """Raise a CourseError if polygons have too many corners: what is made of them takes the square of that in time."""
+    corners = int(shapely.get_num_coordinates(polygons).sum())
+    if corners > MOST_CORNERS:
+        raise CourseError(f"outline: expected at most {MOST_CORNERS} corners, received {corners}; simplify it.")
 
 
 def _polygon(shape: Shape) -> Outline:
@@ -48,7 +62,10 @@ def _polygon(shape: Shape) -> Outline:
         x, y, radius = shape.circle
         area = disc((x, y), radius)
     else:
-        area = shapely.LineString(shape.line).buffer(0.5 * shape.width, cap_style="flat", join_style="mitre")
+        line = shapely.LineString(shape.line)
+        if not line.is_simple:  # Each crossing would be two holes' corners: of 2,000 points there are a million.
+            raise CourseError("outline: expected a line that does not cross itself; part it into several.")
+        area = line.buffer(0.5 * shape.width, cap_style="flat", join_style="mitre")
     if shape.round:
         area = area.buffer(-shape.round).buffer(shape.round, quad_segs=18)
     if shape.turn:

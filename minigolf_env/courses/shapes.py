@@ -6,9 +6,10 @@ Metres and degrees; "turn" is counter-clockwise seen from above, 0 looks along x
 from __future__ import annotations
 
 import difflib
+import itertools
 from typing import Annotated, Any, Literal, TypeAlias
 
-from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Discriminator, Field, Tag, model_validator
 from pydantic_core import PydanticCustomError
 
 from minigolf_env.courses.course import Material
@@ -97,12 +98,26 @@ Outline: TypeAlias = Annotated[tuple[Shape, ...], Field(min_length=1, max_length
 Profile: TypeAlias = Annotated[tuple[Point2, ...], Field(min_length=2, max_length=500)]
 
 
+def _in_order(profile: tuple[Point2, ...]) -> tuple[Point2, ...]:
+    for (before, _), (after, _) in itertools.pairwise(profile):
+        if after < before:
+            raise PydanticCustomError(
+                "order",
+                "expected distances that grow, received {after} after {before}; sort the points",
+                {"before": before, "after": after},
+            )
+    return profile
+
+
+Heights: TypeAlias = Annotated[Profile, AfterValidator(_in_order)]
+
+
 class Radial(Record):
     """Hills and hollows that are round in plan: a height for each distance from the middle."""
 
     kind: Literal["radial"] = "radial"
     at: Point2
-    profile: Profile
+    profile: Heights
     """(distance, height) from the middle outwards; beyond its ends the height stays."""
     rounding: Annotated[float, Field(strict=True, ge=0.0, le=10.0)] = 0.0
     """Corners of the profile are rounded so far to either side."""
@@ -114,7 +129,7 @@ class Along(Record):
     kind: Literal["along"] = "along"
     at: Point2 = (0.0, 0.0)
     turn: Turn = 0.0
-    profile: Profile
+    profile: Heights
     """(distance, height) in order; beyond its ends the height stays."""
     rounding: Annotated[float, Field(strict=True, ge=0.0, le=10.0)] = 0.0
 

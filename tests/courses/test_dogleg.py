@@ -202,7 +202,7 @@ def test_balls_stay_in_the_room(impact: str, rng: np.random.Generator) -> None:
 def test_courses_are_found_by_name() -> None:
     """The room can be loaded; the same request gives the same course."""
     assert "dogleg" in list_courses() and "room" not in list_courses()
-    assert load_course("dogleg") is load_course("dogleg")
+    assert load_course("dogleg") is load_course("dogleg") is load_course(Path("dogleg"))
     assert load_course(load_course("room")) is load_course("room")
     assert load_course("room").cup is None
 
@@ -239,6 +239,7 @@ OPEN_MESH = TriangleMesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
         ({"top_speed": 0.0}, "top_speed"),
         ({"ball_radius": 0.06}, "cup radius: expected more than the ball's radius"),
         ({"gravity": (0.0, -9.81)}, "gravity"),
+        ({"gravity": (0.0, 0.0, 0.0)}, "gravity: expected one that pulls down"),
         ({"par": 0}, "par: expected an integer >= 1"),
         ({"cup": None}, "expected None and \\(\\) without cup"),
         ({"route": ()}, "route"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import random
 import resource
 import tomllib
@@ -120,6 +121,16 @@ def test_heights_are_those_of_the_profile() -> None:
     assert np.allclose(middle[:, 2], 0.2 * (middle[:, 0] - 1.0), atol=1e-12)
 
 
+@pytest.mark.parametrize("kind", ["along", "radial"])
+def test_heights_out_of_order_are_refused(kind: str) -> None:
+    """They would be flat."""
+    heights = [{"kind": kind, "at": (1.5, 0.5), "profile": [(3, 0), (2, 0.3), (1, 0)]}]
+    with pytest.raises(
+        CourseError, match=r"heights\[0\].profile: expected distances that grow, received 2.0 after 3.0"
+    ):
+        Hole("slope", tee=(0.3, 0.5)).add("lane", outline=[{"box": (0, 0, 3, 1)}], heights=heights).course()
+
+
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
@@ -154,6 +165,17 @@ def test_the_schema_for_editors_is_up_to_date() -> None:
     assert json.loads(schema())["title"] == "CourseFile"
 
 
+def knot(points: int) -> list[list[float]]:
+    """Return a line from one side of a circle to the other, again and again."""
+    return [[math.cos(3.0 * k), math.sin(3.0 * k)] for k in range(points)]
+
+
+def wheels(number: int) -> str:
+    """Return as many polygons of as many corners as a polygon may have."""
+    corners = [[math.cos(math.tau * k / 2000), math.sin(math.tau * k / 2000)] for k in range(2000)]
+    return ", ".join([f"{{ polygon = {corners} }}"] * number)
+
+
 def test_broken_and_huge_files_are_refused_promptly(tmp_path: Path) -> None:
     """Within bounds that the caller can raise."""
     cases = {
@@ -162,6 +184,9 @@ def test_broken_and_huge_files_are_refused_promptly(tmp_path: Path) -> None:
         "dots.toml": "a" + ".a" * 50_000 + " = 1",
         "digits.toml": "par = " + "9" * 100_000,
         "noise.toml": "\x00\x01",
+        "spaces.toml": 'name = "hole"\n' + " " * 1_000_000 + "\nparts = 3\n",
+        "knot.toml": DOGLEG + f'[[parts]]\nkind = "lane"\noutline = [{{ line = {knot(2000)} }}]\n',
+        "corners.toml": DOGLEG + f'[[parts]]\nkind = "lane"\noutline = [{wheels(11)}]\n',
         "cells.toml": DOGLEG + '[[parts]]\nkind = "lane"\noutline = [{ box = [0, 0, 900, 900] }]\n'
         'heights = [{ kind = "along", profile = [[0, 0], [1, 1]] }]\ncell = [0.001, 0.001]\n',
         "sides.toml": DOGLEG + '[[parts]]\nkind = "sphere"\nat = [0, 0, 0]\nradius = 1\nsubdivisions = 40\n',

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import os
 import random
 import tracemalloc
 from pathlib import Path
@@ -27,6 +28,20 @@ def test_meshes_come_from_files_beside_the_course(ending: str, tmp_path: Path) -
     vertices = load_course(tmp_path / "m.toml").parts[0].mesh.vertices
     sides = np.ptp(vertices, axis=0)
     assert np.allclose(np.sort(sides), [0.1, 1.0, 1.0], atol=1e-6)
+
+
+def test_a_mesh_file_that_changed_is_read_again(tmp_path: Path) -> None:
+    """Though the course file that names it stays as it is."""
+    (tmp_path / "m.toml").write_text(MESH.format("slab.stl"))
+    slab = tmp_path / "slab.stl"
+    heights = []
+    for age, height in enumerate((0.2, 0.4)):
+        trimesh.creation.box((2, 2, height)).export(slab)
+        os.utime(slab, (age, age))
+        course = load_course(tmp_path / "m.toml")
+        assert load_course(tmp_path / "m.toml") is course
+        heights.append(np.ptp(course.parts[0].mesh.vertices[:, 2]))
+    np.testing.assert_allclose(heights, (0.2, 0.4))
 
 
 @pytest.mark.parametrize(

@@ -84,6 +84,12 @@ def test_places_in_a_file_are_paths_of_keys() -> None:
         assert str(told.value).startswith(f"one: parts[0].{path}: ")
 
 
+def test_no_key_reaches_a_terminal_as_it_is() -> None:
+    """It may hold the terminal's commands."""
+    told = message_of('[surfaces."a\\u001b[31m"]\nmaterial = 1\n')
+    assert "surfaces.'a\\x1b[31m'" in told and "\x1b" not in told
+
+
 def test_keys_of_many_parts_are_refused_before_they_cost_time() -> None:
     """As many dots as are allowed are read, and then unknown."""
     assert "unknown key" in message_of("a" + ".a" * MOST_DOTS + " = 1")
