@@ -286,7 +286,7 @@ def main(args: Sequence[str] | None = None) -> None:
         sys.stdout.flush()
     except BrokenPipeError:  # Whoever read the output has seen enough: `minigolf courses | head -3`.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-    except (ValueError, OSError, ImportError) as error:
+    except (ValueError, OSError, ImportError, MemoryError) as error:
         sys.exit(_say(error, FAILED))
     except RuntimeError as error:
         from minigolf_env.rendering import RenderingError

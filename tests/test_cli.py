@@ -72,6 +72,7 @@ def test_the_list_of_commands_has_a_line_for_each() -> None:
         ("map --directions 0", 1, "directions and speeds >= 1"),
         ("map -o map.tex", 1, "the file's ending"),
         ("evaluate --course dogleq", 1, "did you mean 'dogleg'"),
+        ("map --directions 10000000 --speeds 10000000", 1, "Unable to allocate"),
         ("evaluate --policy pp0", 1, "did you mean 'ppo'"),
         ("evaluate --policy none.zip", 1, "none.zip"),
         ("evaluate --policy random --first-seed -5", 1, "seed"),
