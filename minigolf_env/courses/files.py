@@ -206,7 +206,7 @@ def told(fault: Any, text: str) -> str:
             message = str(error)
     elif fault["type"] not in ("missing", "unknown_key"):
         message += f", received {reprlib.repr(fault['input'])}"
-    return f"{f'line {line}: ' if line else ''}{where}: {message}"
+    return f"{f'line {line}: ' if line else ''}{f'{where}: ' if where else ''}{message}"
 
 
 def _where(loc: tuple[int | str, ...], text: str, missing: bool) -> tuple[str, int | None]:

@@ -84,6 +84,11 @@ def test_places_in_a_file_are_paths_of_keys() -> None:
         assert str(told.value).startswith(f"one: parts[0].{path}: ")
 
 
+def test_an_unknown_key_of_the_file_itself_has_no_path() -> None:
+    """It is in no table."""
+    assert message_of('nmae = "x"').startswith("hole.toml: unknown key 'nmae'; did you mean 'name'?")
+
+
 def test_no_key_reaches_a_terminal_as_it_is() -> None:
     """It may hold the terminal's commands."""
     told = message_of('[surfaces."a\\u001b[31m"]\nmaterial = 1\n')

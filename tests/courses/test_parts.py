@@ -12,7 +12,7 @@ import shapely
 import trimesh
 from trimesh import Trimesh
 
-from minigolf_env.courses import CourseError, Cup, load_course
+from minigolf_env.courses import Course, CourseError, Cup, load_course
 from minigolf_env.courses.builder import Hole
 from minigolf_env.courses.glb import to_glb
 from minigolf_env.courses.gltf import Object, write_scene
@@ -428,3 +428,18 @@ def test_a_part_named_as_the_tee_is_none(tmp_path: Path) -> None:
     (tmp_path / "one.glb").write_bytes(to_glb(made.course()))
     again = load_course(tmp_path / "one.glb")
     assert again.tee == made.course().tee and again.parts[-1].name == "part Tee post"
+
+
+@pytest.mark.parametrize("side", [(0, 0), (1, 0), (0, 1), (-1, 0), (0, -1)])
+def test_a_cup_is_cut_where_the_ground_is_level_around_it(side: tuple[int, int]) -> None:
+    """Whatever the level, and not where there is a bump in its middle or on any side of its wall."""
+    x, y = (at + (Cup.radius + LINER) * way for at, way in zip((1.5, 0.5), side, strict=True))
+
+    def course(up: float) -> Course:
+        bump = {"kind": "radial", "at": (x, y), "profile": [(0, up), (0.5 * LINER, 0)]}
+        hole = Hole("bump", tee={"at": (0.4, 0.5), "height": 0.3}, cup=(1.5, 0.5, 0.3), par=2)
+        return hole.add("lane", outline=LANE, level=0.3, heights=[bump]).course()
+
+    assert course(0.0).cup is not None
+    with pytest.raises(CourseError, match="cup position: expected a place on a lane, at its level"):
+        course(0.001)
