@@ -10,6 +10,7 @@ import numpy as np
 
 from minigolf_env.courses import NINE, ROUND, Course
 from minigolf_env.envs.task import Task
+from minigolf_env.physics.checks import whole_number
 
 ALL = 2**31
 """Levels there are: numbers from 0 that fit anywhere."""
@@ -67,7 +68,7 @@ class Round:
         Raises:
             ValueError: there is no such hole.
         """
-        return self.make(_checked(number, self.key, 1, self.number))
+        return self.make(whole_number(number, self.key, 1, self.number))
 
 
 @dataclass(frozen=True)
@@ -88,8 +89,8 @@ class Levels:
     key = "level"
 
     def __post_init__(self) -> None:
-        _checked(self.start, "start_level")
-        _checked(self.number, "num_levels")
+        whole_number(self.start, "start_level", 0, ALL - 1)
+        whole_number(self.number, "num_levels", 0, ALL - 1)
         if self.start + self.number > ALL:
             raise ValueError(
                 f"num_levels: expected at most {ALL - self.start} from level {self.start} on, received {self.number}; "
@@ -111,7 +112,7 @@ class Levels:
         Raises:
             ValueError: there is no such level.
         """
-        return self.make(_checked(number, "level"))
+        return self.make(whole_number(number, "level", 0, ALL - 1))
 
 
 def in_turn(course: str | Course, episode: int) -> dict[str, int]:
@@ -120,12 +121,6 @@ def in_turn(course: str | Course, episode: int) -> dict[str, int]:
     For those who seed every episode, which would begin the round anew each time. Empty on other courses.
     """
     return {Round.key: 1 + episode % len(NINE)} if course == ROUND else {}
-
-
-def _checked(value: Any, what: str, lowest: int = 0, highest: int = ALL - 1) -> int:
-    if isinstance(value, (int, np.integer)) and not isinstance(value, bool) and lowest <= value <= highest:
-        return int(value)
-    raise ValueError(f"{what}: expected an integer from {lowest} to {highest}, received {value!r}.")
 
 
 Tasks = OneHole | Round | Levels

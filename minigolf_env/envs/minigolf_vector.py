@@ -25,6 +25,7 @@ from minigolf_env.envs.options import (
 )
 from minigolf_env.envs.state import check_lies, naming_state, read_state, state_of
 from minigolf_env.envs.task import FloatArray, Game, Outcome, Result, Task, action_space, of_rows, together
+from minigolf_env.physics.checks import whole_number
 from minigolf_env.rendering import FPS, Screen, Stage
 
 Flags = NDArray[np.bool_]
@@ -78,8 +79,7 @@ class MiniGolfVectorEnv(Attributes):
         autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
         **options: Unpack[Options],
     ) -> None:
-        if type(num_envs) is not int or num_envs < 1:
-            raise ValueError(f"num_envs: expected an integer >= 1, received {num_envs!r}.")
+        num_envs = whole_number(num_envs, "num_envs", 1)
         self._tasks, self._observer, settings = make_setup(
             course, self.metadata["render_modes"], render_mode, **options
         )

@@ -20,7 +20,7 @@ from minigolf_env.envs.levels import Levels, OneHole, Round, Tasks
 from minigolf_env.envs.observations import OBSERVERS, Observer
 from minigolf_env.envs.task import REWARDS, FloatArray, Task
 from minigolf_env.physics import World
-from minigolf_env.physics.checks import finite_array, not_one_of, one_of, positive_number
+from minigolf_env.physics.checks import finite_array, not_one_of, one_of, positive_number, whole_number
 from minigolf_env.physics.world import IMPACTS
 from minigolf_env.rendering import CAMERAS, PROFILES, Settings, check_size
 
@@ -148,15 +148,13 @@ def make_task(
             f"course: expected one with a cup, received {golf.name!r}; "
             "load_course(...).world() throws a ball in a room without golf."
         )
-    if type(max_strokes) is not int or max_strokes < 1:
-        raise ValueError(f"max_strokes: expected an integer >= 1, received {max_strokes!r}.")
     speed = golf.top_speed if top_speed is None else top_speed
     return Task(
         courses=(golf,),
         holes=Holes.of(golf, positive_number(speed, "top_speed", "give the launch speed of a full putt in m/s.")),
         world=_world(golf, positive_number(dt, "dt", "1/120 s suits minigolf."), one_of(impact, IMPACTS, "impact")),
         reward=one_of(reward, REWARDS, "reward"),
-        max_strokes=max_strokes,
+        max_strokes=whole_number(max_strokes, "max_strokes", 1),
         random_tee=one_of(tee, TEES, "tee") == "random",
         putt_noise=check_noise(putt_noise),
     )

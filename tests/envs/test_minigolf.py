@@ -171,6 +171,7 @@ def test_bad_reset_options_are_refused_and_change_nothing(env: MiniGolfEnv, opti
         ({"observation": "stat"}, "did you mean 'state'"),
         ({"tee": "randon"}, "did you mean 'random'"),
         ({"max_strokes": 0}, "max_strokes"),
+        ({"max_strokes": True}, "max_strokes"),
         ({"max_strokes": 2.5}, "max_strokes"),
         ({"top_speed": -1.0}, "top_speed"),
         ({"cup_radius": 0.01}, "cup"),
@@ -215,7 +216,7 @@ def test_an_episode_of_all_strokes_is_over(over: Any) -> None:
 
 def test_playing_without_a_ball_is_refused() -> None:
     """A step before reset and after the end ask for a reset."""
-    env = MiniGolfEnv(max_strokes=1)
+    env = MiniGolfEnv(max_strokes=np.int64(1))  # type: ignore[arg-type]
     with pytest.raises(ResetNeeded):
         env.step(np.zeros(2))
     env.reset(seed=0)
