@@ -71,7 +71,7 @@ class Window:
         self._profile = {"auto": "fast" if software else "high"}.get(settings.profile, settings.profile)
         redraw = weakref.WeakMethod(self._redraw)
         self.window.push_handlers(on_expose=lambda: _call(redraw), on_resize=lambda width, height: None)
-        weakref.finalize(self, self.window.close)
+        weakref.finalize(self, _close, self.window, self._process)
 
     @property
     def is_open(self) -> bool:
@@ -131,9 +131,8 @@ class Window:
 
     def close(self) -> None:
         """Close the window."""
-        if self.window is not None and self._process == os.getpid():  # A forked child leaves its parent's window open.
-            with for_windows():
-                self.window.close()
+        if self.window is not None:
+            _close(self.window, self._process)
         self.window = None
 
     def _redraw(self) -> None:
@@ -151,6 +150,13 @@ class Window:
         if self.overlay is not None:
             self.overlay()
         self.window.flip()
+
+
+def _close(window: Any, process: int) -> None:
+    """Close pyglet's window in the process that opened it; a forked child leaves its parent's open."""
+    if os.getpid() == process:
+        with for_windows():
+            window.close()
 
 
 def _call(method: weakref.WeakMethod[Callable[[], None]]) -> None:

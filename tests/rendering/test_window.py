@@ -9,6 +9,7 @@ import textwrap
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from minigolf_env.rendering import Camera
 from minigolf_env.rendering.window import _widened
@@ -148,6 +149,24 @@ def test_a_fork_leaves_the_window_alone(display: str) -> None:
         print("alone")
     """
     assert run(display, code) == "alone"
+
+
+@pytest.mark.parametrize("end", ["sys.exit()", "del human; gc.collect(); os._exit(0)", "human.close(); sys.exit()"])
+def test_a_fork_that_ends_leaves_the_window_open(display: str, end: str) -> None:
+    """However it ends, and whatever it drops or closes before."""
+    code = f"""
+        import gc, os, sys
+        human.reset(seed=1)
+        child = os.fork()
+        if child == 0:
+            {end}
+        assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+        human.step(putt)
+        assert window().is_open
+        human.close()
+        print("open")
+    """
+    assert run(display, code) == "open"
 
 
 def test_a_window_that_nobody_holds_is_closed(display: str) -> None:
