@@ -107,6 +107,42 @@ def test_forgotten_writer_leaves_no_trace(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
+FORK = """
+import gc, os, pathlib, select, sys
+import numpy as np
+from minigolf_env.video import Writer
+path, picture = pathlib.Path(sys.argv[1]), np.zeros((16, 16, 3), np.uint8)
+writer = Writer(path, (16, 16), 5)
+writer.add(picture)
+def files(): return {file: file.stat().st_ino for file in path.parent.iterdir()}
+before = files()
+held = [file.open() for file in before]  # So that no other file gets its number.
+read, write = os.pipe()
+child = os.fork()
+if child == 0: CHILD
+"""
+WAIT = "assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0\n"
+UNTOUCHED = "assert files() == before\n"
+FINISH = "writer.add(picture), writer.close(), os.write(write, b'.')\n"
+
+
+@pytest.mark.parametrize("child", ["sys.exit()", "del writer; gc.collect(); os._exit(0)", "writer.close(); sys.exit()"])
+def test_a_fork_that_ends_leaves_the_video_alone(tmp_path: Path, child: str) -> None:
+    """However it ends: the parent's video goes on, and no picture is there twice."""
+    path = tmp_path / "a.mp4"
+    code = FORK.replace("CHILD", child) + WAIT + UNTOUCHED + FINISH
+    subprocess.run([sys.executable, "-c", code, path], check=True)
+    assert len(decode(path, (16, 16))) == 2
+
+
+def test_a_fork_that_lives_holds_no_video_up(tmp_path: Path) -> None:
+    """It lives until the parent has finished its video; if that waits, too, both do so for a minute."""
+    path = tmp_path / "a.mp4"
+    code = FORK.replace("CHILD", "sys.exit(not select.select([read], [], [], 60.0)[0])") + FINISH + WAIT
+    subprocess.run([sys.executable, "-c", code, path], check=True)
+    assert len(decode(path, (16, 16))) == 2
+
+
 def test_file_is_replaced_when_the_video_is_whole(tmp_path: Path) -> None:
     """Until then the one before stays, and closing twice is harmless."""
     path = tmp_path / "a.mp4"

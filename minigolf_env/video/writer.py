@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import subprocess
 import tempfile
 import weakref
@@ -53,7 +54,8 @@ class Writer:
 
     The file is there, whole, after ``close()``, and one of that name before is replaced then. Leaving a ``with`` block
     by an exception, Ctrl-C included, leaves no trace. This process holds no pictures; a GIF's wait in ffmpeg until the
-    last is there, 4 bytes a pixel, since its palette is made of all.
+    last is there, 4 bytes a pixel, since its palette is made of all. In a forked process the Writer is closed, and
+    its parent's goes on.
 
     Args:
         path: the file; its folder is made.
@@ -80,6 +82,7 @@ class Writer:
             undo.pop_all()
         self.discard = weakref.finalize(self, _discard, self._ffmpeg, self._log, self._part)
         """End without a file: at once, and by itself when the Writer is gone."""
+        _WRITERS.add(self)
 
     def add(self, picture: Picture) -> None:
         """Add a picture (height, width, 3)."""
@@ -139,6 +142,24 @@ class Writer:
         full = any("No space left" in line for line in said)
         remedy = "make room on the disk." if full else "try another size or ending, or another ffmpeg."
         return OSError(f"{self.path}: ffmpeg failed (exit code {self._ffmpeg.returncode}): {said[-1]}; {remedy}")
+
+
+_WRITERS: weakref.WeakSet[Writer] = weakref.WeakSet()
+"""All that a fork takes along."""
+
+
+def _leave_to_parent() -> None:
+    """Take a forked process out of the videos: it neither ends them, nor keeps ffmpeg waiting for more pictures."""
+    for writer in [writer for writer in _WRITERS if writer.discard.alive]:
+        writer.discard.detach()
+        pipe = _pipe(writer._ffmpeg)
+        if not pipe.closed:  # Its buffer may hold pictures that the parent writes: they go nowhere.
+            with Path(os.devnull).open("wb") as nowhere:
+                os.dup2(nowhere.fileno(), pipe.fileno(), inheritable=False)
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_leave_to_parent)
 
 
 NO_FFMPEG = "pip install --force-reinstall imageio-ffmpeg, or name one in the environment variable IMAGEIO_FFMPEG_EXE."
