@@ -142,8 +142,9 @@ def test_render_modes_that_are_refused(tmp_path: Path) -> None:
         RecordVideo(make(None), folder)
     with pytest.raises(ValueError, match=r"gymnasium\.wrappers\.RecordVideo"):
         RecordVideo(gym.make("CartPole-v1"), folder)  # type: ignore[arg-type]
-    with pytest.raises(ValueError, match="video_length"):
-        RecordVideo(make(), folder, video_length=-1)
+    for length in (-1, 2.5):
+        with pytest.raises(ValueError, match="video_length: expected an integer"):
+            RecordVideo(make(), folder, video_length=length)  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="fps"):
         RecordVideo(make(), folder, fps=0)
     many = gym.make_vec("MiniGolf-v0", 2, "sync", render_mode="rgb_array")

@@ -13,6 +13,7 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
+from minigolf_env.physics.checks import whole_number
 from minigolf_env.video import Writer
 from minigolf_env.video.writer import check_fps
 
@@ -55,10 +56,7 @@ class Recorder:
         quiet: bool,
         gc_trigger: Trigger | None,
     ) -> None:
-        if length < 0:
-            raise ValueError(
-                f"video_length: expected a number of pictures, or 0 for whole episodes, received {length}."
-            )
+        whole_number(length, "video_length", 0)
         if episode_trigger is None and step_trigger is None:
             episode_trigger = cubes
         self.folder = Path(folder).expanduser().absolute()
@@ -123,7 +121,7 @@ class Recorder:
             height, width, _ = picture.shape
             self._writer = Writer(self.folder / f"{self.name}.mp4", (width, height), self.fps)
         self._writer.add(picture)
-        if self._writer.pictures == self._length:
+        if 0 < self._length <= self._writer.pictures:
             self.stop()
 
     def __getstate__(self) -> dict[str, Any]:
