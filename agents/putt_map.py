@@ -14,7 +14,7 @@ from __future__ import annotations
 import hashlib
 import json
 import time
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -85,16 +85,25 @@ def save(path: Path, arrays: Arrays) -> None:
         np.savez_compressed(part, **arrays)
 
 
+def describe(args: Args, course: Course) -> dict[str, Any]:
+    """Return all that decides what becomes of a folder's putts, as JSON has it: numbers, and hashes of many numbers."""
+    meshes = [part.mesh for part in course.parts]
+    shape = hashlib.sha256(b"".join(mesh.triangles.tobytes() for mesh in meshes))
+    surfaces = hashlib.sha256(repr([(mesh.surface, mesh.two_sided) for mesh in meshes]).encode())
+    about: dict[str, Any] = {"course": course.name, "shape": shape.hexdigest(), "surfaces": surfaces.hexdigest()}
+    about |= {"tee": [*(args.tee or course.tee.centre), course.tee.height], "cup": course.cup and asdict(course.cup)}
+    about |= {name: getattr(course, name) for name in ("bounds", "top_speed", "ball_radius", "gravity")}
+    about |= {name: getattr(args, name) for name in ("directions", "speeds", "shard")}
+    return dict(json.loads(json.dumps(about | {"version": __version__})))
+
+
 def claim(args: Args, course: Course, folder: Path) -> None:
     """Make the folder, or see that what is in it is of the same putts.
 
     Raises:
         SystemExit: it is not.
     """
-    shape = hashlib.sha256(b"".join(part.mesh.triangles.tobytes() for part in course.parts)).hexdigest()
-    mine = {"course": course.name, "shape": shape, "tee": args.tee and list(args.tee), "directions": args.directions}
-    mine |= {"speeds": args.speeds, "shard": args.shard, "version": __version__}
-    note = folder / "putts.json"
+    mine, note = describe(args, course), folder / "putts.json"
     if note.is_file():
         theirs = json.loads(note.read_text())
         other = [key for key in mine if theirs.get(key) != mine[key]]

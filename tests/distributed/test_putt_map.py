@@ -12,6 +12,7 @@ import pytest
 from agents import putt_map
 from minigolf_env.envs.task import Result
 from minigolf_env.maps import simulate
+from minigolf_env.physics import TriangleMesh
 
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::ResourceWarning")
 
@@ -59,6 +60,30 @@ def test_another_map_is_not_mixed_in(args: putt_map.Args) -> None:
         putt_map.main(dataclasses.replace(args, speeds=21))
     with pytest.raises(SystemExit, match="another course, shape"):
         putt_map.main(dataclasses.replace(args, course="straight"))
+
+
+@pytest.mark.parametrize("what", ["top_speed", "ball_radius", "gravity", "bounds", "tee", "cup", "surfaces"])
+def test_a_course_that_has_changed_is_not_mixed_in(what: str, tmp_path: Path) -> None:
+    """Whatever of it putts depend on."""
+    args, course = putt_map.Args(), putt_map.load_course("dogleg")
+    lower, upper = course.bounds
+    (lane, *others), cup = course.parts, course.cup
+    assert cup is not None
+    slow = dataclasses.replace(lane.mesh.surface, rolling=0.5)
+    slower = TriangleMesh(lane.mesh.vertices, lane.mesh.faces, slow)
+    changes: dict[str, dict[str, Any]] = {
+        "top_speed": {"top_speed": course.top_speed / 2},
+        "ball_radius": {"ball_radius": 0.02},
+        "gravity": {"gravity": (0.0, 0.0, -1.62)},
+        "bounds": {"bounds": (lower, (upper[0], upper[1], upper[2] + 1.0))},
+        "tee": {"tee": dataclasses.replace(course.tee, height=0.01)},
+        "cup": {"cup": dataclasses.replace(cup, radius=0.06)},
+        "surfaces": {"parts": (dataclasses.replace(lane, mesh=slower), *others)},
+    }
+    putt_map.claim(args, course, tmp_path)
+    putt_map.claim(args, putt_map.load_course("dogleg"), tmp_path)
+    with pytest.raises(SystemExit, match=f"with another {what};"):
+        putt_map.claim(args, dataclasses.replace(course, **changes[what]), tmp_path)
 
 
 @pytest.mark.parametrize("mistake", [{"tee": (3.3, 1.5)}, {"course": "dogle"}, {"speeds": 0}], ids=str)
