@@ -158,12 +158,12 @@ class Training(runs.Checkpoints):
         super().check()
 
     def keep(self) -> None:
-        """Write RLlib's checkpoint and drop the one before."""
+        """Write RLlib's checkpoint, unless there is one after as many putts, and drop the one before."""
         beside, place = self.folder / ".checkpoint", self.folder / f"checkpoint-{self.num_timesteps}"
         shutil.rmtree(beside, ignore_errors=True)
-        self.algorithm.save_to_path(str(beside.resolve()))
-        shutil.rmtree(place, ignore_errors=True)
-        publish(beside, place)
+        if not place.exists():
+            self.algorithm.save_to_path(str(beside.resolve()))
+            publish(beside, place)
         for old in self.kept()[:-1]:
             shutil.rmtree(old)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -208,6 +209,37 @@ def test_without_ray_a_line_says_what_to_install(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setitem(sys.modules, "ray", None)
     with pytest.raises(SystemExit, match="pip install"):
         connect()
+
+
+class Kept:
+    """What stands for RLlib's learner: its checkpoint is a folder with a file."""
+
+    def save_to_path(self, path: str) -> None:
+        """Write the checkpoint."""
+        Path(path).mkdir()
+        (Path(path) / "weights").touch()
+
+
+def test_at_no_moment_is_the_folder_without_a_checkpoint(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Before and after each removal and each rename, a whole one is there to go on from; in the end one alone."""
+    training = train_rllib.Training.__new__(train_rllib.Training)
+    training.folder, training.algorithm, training.num_timesteps = tmp_path, Kept(), 100
+    training.keep()
+
+    def watch(module: Any, name: str) -> None:
+        change = getattr(module, name)
+
+        def watched(*args: Any, **options: Any) -> None:
+            change(*args, **options)
+            assert (training.kept()[-1] / "weights").is_file()
+
+        monkeypatch.setattr(module, name, watched)
+
+    watch(shutil, "rmtree")
+    watch(train_rllib, "publish")
+    for training.num_timesteps in (100, 100, 200):
+        training.keep()
+    assert [file.name for file in tmp_path.iterdir()] == ["checkpoint-200"]
 
 
 def test_a_timeout_of_rays_is_not_taken_for_a_full_disk(tmp_path: Path) -> None:
