@@ -121,9 +121,12 @@ def begin(args: Args) -> tuple[Args, Path]:
         remove_parts(args.resume)
         return resumed
     check(args)
-    folder = new_folder(args)
     stored = {**dataclasses.asdict(args), "out": None, "resume": None}
-    write_text(folder / "args.json", json.dumps(stored, indent=2, default=str))
+    try:
+        folder = new_folder(args)
+        write_text(folder / "args.json", json.dumps(stored, indent=2, default=str))
+    except OSError as error:
+        raise SystemExit(f"out: expected a folder to write to, received {error}; choose another folder.") from None
     return args, folder
 
 
@@ -227,10 +230,11 @@ def make_envs(args: Run) -> VecMonitor:
 def stoppable(folder: Path, save: Callable[[], None]) -> Iterator[None]:
     """While it lasts, Ctrl-C saves, and it and a full disk end the program with a line that says how to go on."""
     try:
-        yield
-    except KeyboardInterrupt:
-        save()
-        raise SystemExit(f"Interrupted and saved. {_go_on(folder)}") from None
+        try:
+            yield
+        except KeyboardInterrupt:
+            save()
+            raise SystemExit(f"Interrupted and saved. {_go_on(folder)}") from None
     except TimeoutError:  # An OSError, too, but Ray's: it says nothing of the disk.
         raise
     except OSError as error:
@@ -330,18 +334,25 @@ def final_tables(args: Run, name: str, best: Policy, folder: Path) -> list[evalu
 
 
 def new_folder(args: Run) -> Path:
-    """Make the run's folder and return it; an earlier run is never overwritten.
+    """Make the run's folder and return it; another run, one begun at the same time included, is never overwritten.
 
     Raises:
         SystemExit: the folder asked for exists.
+        OSError: it cannot be made.
     """
-    name = Path(args.course).stem
-    folders = [args.out] if args.out else (Path("runs") / f"{name}-{i}" for i in itertools.count(1))
-    folder = next(path for path in folders if args.out or not path.exists())
-    try:
-        folder.mkdir(parents=True)
-    except FileExistsError:
-        raise SystemExit(f"out: expected a new folder, {folder} exists; {_go_on(folder)}") from None
+    if args.out is not None:
+        try:
+            args.out.mkdir(parents=True)
+        except FileExistsError:
+            raise SystemExit(f"out: expected a new folder, {args.out} exists; {_go_on(args.out)}") from None
+        return args.out
+    runs = Path("runs")
+    runs.mkdir(exist_ok=True)
+    for number in itertools.count(1):
+        folder = runs / f"{Path(args.course).stem}-{number}"
+        with contextlib.suppress(FileExistsError):
+            folder.mkdir()
+            break
     return folder
 
 
@@ -349,12 +360,17 @@ def read_args(kind: type[Args], folder: Path) -> Args:
     """Return the arguments that a run was started with.
 
     Raises:
-        SystemExit: there is no run to go on with, or one of another program.
+        SystemExit: there is no run to go on with, its arguments cannot be read, or it is of another program.
     """
     if not (folder / "args.json").is_file():
         raise SystemExit(f"resume: expected the folder of a run, {folder} has no args.json.")
-    stored: dict[str, Any] = json.loads((folder / "args.json").read_text())
-    if stored.keys() != {field.name for field in dataclasses.fields(kind)}:
+    try:
+        stored = json.loads((folder / "args.json").read_text())
+    except (OSError, ValueError) as error:
+        raise SystemExit(
+            f"resume: expected the arguments of a run in {folder / 'args.json'}, received {error}; begin a new run."
+        ) from error
+    if not isinstance(stored, dict) or stored.keys() != {field.name for field in dataclasses.fields(kind)}:
         raise SystemExit(f"resume: expected a run of this program, {folder} has the arguments of another.")
     values: dict[str, Any] = {
         name: tuple(value) if isinstance(value, list) else value for name, value in stored.items()

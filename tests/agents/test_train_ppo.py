@@ -93,3 +93,42 @@ def test_resuming_nothing_is_refused(tmp_path: Path) -> None:
     """A folder without a run ends the program with one line."""
     with pytest.raises(SystemExit, match="resume"):
         train_ppo.main(train_ppo.Args(resume=tmp_path))
+
+
+@pytest.mark.parametrize("text", ["{", "[]", "\xff"], ids=str)
+def test_resuming_with_damaged_arguments_is_refused(tmp_path: Path, text: str) -> None:
+    """With one line, too."""
+    (tmp_path / "args.json").write_bytes(text.encode("latin-1"))
+    with pytest.raises(SystemExit, match=r"resume: expected .*run"):
+        train_ppo.main(train_ppo.Args(resume=tmp_path))
+
+
+def test_a_folder_that_cannot_be_made_is_refused(tmp_path: Path) -> None:
+    """With the system's reason and a remedy."""
+    (tmp_path / "file").touch()
+    with pytest.raises(SystemExit, match=r"out: .*Not a directory.*choose another folder"):
+        runs.begin(dataclasses.replace(TINY, out=tmp_path / "file" / "run"))
+
+
+def test_of_two_starts_at_once_each_has_its_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The slower one takes the next name, rather than be told to go on with the other's run."""
+    monkeypatch.chdir(tmp_path)
+    mkdir = Path.mkdir
+
+    def too_late(path: Path, *args: Any, **options: Any) -> None:
+        if path.name == "dogleg-1":
+            mkdir(path, parents=True, exist_ok=True)
+        mkdir(path, *args, **options)
+
+    monkeypatch.setattr(Path, "mkdir", too_late)
+    assert runs.new_folder(TINY) == Path("runs/dogleg-2")
+
+
+def test_an_interruption_on_a_full_disk_ends_with_one_line(tmp_path: Path) -> None:
+    """It could not save, and says so."""
+
+    def save() -> None:
+        raise OSError(28, "No space left on device")
+
+    with pytest.raises(SystemExit, match=r"Could not save: .*No space.*--resume"), runs.stoppable(tmp_path, save):
+        raise KeyboardInterrupt
