@@ -2,7 +2,9 @@
 
 import copy
 import math
+import os
 import pickle
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -199,11 +201,15 @@ def test_a_video_that_fails_is_over(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     assert names(tmp_path / "videos") == []
 
 
-def test_forgotten_video_warns(tmp_path: Path) -> None:
-    """An environment that is not closed loses its last video, and says so."""
+def test_forgotten_video_warns(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An environment that is not closed loses its last video, and says so; a fork has none to lose."""
     env = RecordVideo(make(), tmp_path, always, fps=FPS)
     env.reset(seed=0)
     with pytest.warns(UserWarning, match=r"lost: call close\(\)"):
+        env._recorder.__del__()
+    with monkeypatch.context() as fork, warnings.catch_warnings():
+        fork.setattr(os, "getpid", lambda: -1)
+        warnings.simplefilter("error")
         env._recorder.__del__()
     env.close()
 

@@ -73,6 +73,8 @@ class Writer:
         self.fps = check_fps(fps, self.path)
         self.pictures = 0
         """How many were added."""
+        self.process = os.getpid()
+        """The one that writes it; its forks do not."""
         command = _command(self.size, self.fps, self.path.suffix.lower())
         with contextlib.ExitStack() as undo:
             self._part = create_beside(self.path)

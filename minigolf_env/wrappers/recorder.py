@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import os
 import sys
 from collections.abc import Callable, Iterable
 from glob import escape
@@ -129,5 +130,6 @@ class Recorder:
         return {**self.__dict__, "_writer": None, "name": None}
 
     def __del__(self) -> None:
-        if getattr(self, "_writer", None) is not None:
+        writer = getattr(self, "_writer", None)
+        if writer is not None and writer.process == os.getpid():  # To a fork it is not lost: its parent has it.
             gym.logger.warn(f"The video {self.name} was not finished and is lost: call close() on the environment.")
