@@ -172,8 +172,8 @@ def _umask(folder: Path) -> int:
         ("folder.mp4", SIZE, FPS, "something else of that name"),
         ("a.mp4", (0, 48), FPS, "width and height"),
         ("a.mp4", (64,), FPS, "width and height"),
-        ("a.mp4", SIZE, 0, "fps: expected a whole number"),
-        ("a.mp4", SIZE, 29.97, "fps: expected a whole number"),
+        ("a.mp4", SIZE, 0, "fps: expected an integer"),
+        ("a.mp4", SIZE, 29.97, "fps: expected an integer"),
         ("a.gif", SIZE, 60, "fps of a .gif: .* to 50"),
     ],
 )

@@ -9,10 +9,10 @@ from typing import Any, NamedTuple
 from tqdm import tqdm
 
 from minigolf_env.envs import MiniGolfEnv, in_turn
-from minigolf_env.physics.checks import one_of
+from minigolf_env.physics.checks import one_of, whole_number
 from minigolf_env.policies import Policy, load_policy
 from minigolf_env.rendering import PROFILES, check_size, picture_count
-from minigolf_env.video.writer import Writer, check_fps, check_path, check_whole
+from minigolf_env.video.writer import Writer, check_fps, check_path
 
 
 def film(
@@ -49,8 +49,8 @@ def film(
     started = time.perf_counter()
     path = check_path(output)
     fps, size = check_fps(fps, path), check_size(size, "size")
-    check_whole(episodes, 1, 1000, "episodes", "one has several putts.")
-    check_whole(seed, 0, 2**63, "seed", "0 will do.")
+    whole_number(episodes, "episodes", 1, 1000)
+    whole_number(seed, "seed", 0, 2**63)
     one_of(profile, PROFILES, "profile")
     player = load_policy(policy, seed)
     look: dict[str, Any] = {"render_size": size, "camera": camera, "render_profile": profile}

@@ -9,14 +9,14 @@ import tempfile
 import weakref
 from pathlib import Path
 from types import TracebackType
-from typing import IO, Any, Self
+from typing import IO, Self
 
 import imageio_ffmpeg
 import numpy as np
 from numpy.typing import NDArray
 
 from minigolf_env.files import check_output, create_beside, publish
-from minigolf_env.physics.checks import one_of
+from minigolf_env.physics.checks import one_of, whole_number
 from minigolf_env.rendering import check_size
 
 Picture = NDArray[np.uint8]
@@ -178,15 +178,8 @@ def check_path(path: str | Path) -> Path:
 def check_fps(fps: int, path: Path) -> int:
     """Return pictures a second that a kind of file can have, or raise a ValueError."""
     if path.suffix.lower() == ".gif":
-        return check_whole(fps, 1, GIF_FPS, "fps of a .gif", "an .mp4 takes more.")
-    return check_whole(fps, 1, MP4_FPS, "fps", "30 is usual.")
-
-
-def check_whole(number: Any, least: int, most: int, what: str, remedy: str) -> int:
-    """Return a whole number between bounds, or raise a ValueError."""
-    if not (isinstance(number, (int, np.integer)) and least <= number <= most):
-        raise ValueError(f"{what}: expected a whole number from {least} to {most}, received {number!r}; {remedy}")
-    return int(number)
+        return whole_number(fps, "fps of a .gif", 1, GIF_FPS)
+    return whole_number(fps, "fps", 1, MP4_FPS)
 
 
 def _command(size: tuple[int, int], fps: int, ending: str) -> list[str]:
