@@ -16,6 +16,7 @@ import pytest
 import trimesh
 
 from minigolf_env.courses import Course, CourseError, list_courses, load_course
+from minigolf_env.courses.builder import Hole
 from minigolf_env.courses.glb import to_glb
 from minigolf_env.courses.gltf import EXACT, Object, read_scene, write_scene
 from minigolf_env.courses.limits import Limits
@@ -44,6 +45,15 @@ def test_a_course_written_and_read_again_is_the_same_bits(name: str, tmp_path: P
     assert same_mesh(course, again)
     for field in ("name", "tee", "cup", "par", "bounds", "route", "top_speed", "ball_radius", "gravity"):
         assert getattr(course, field) == getattr(again, field), field
+
+
+def test_a_cup_of_its_own_depth_is_kept(tmp_path: Path) -> None:
+    """As its radius is."""
+    cup = {"position": (2.5, 0.5, 0.0), "radius": 0.06, "depth": 0.2}
+    made = Hole("deep", tee=(0.3, 0.5), cup=cup).add("lane", outline=[{"box": (0, 0, 3, 1)}], thickness=0.3).course()
+    path = tmp_path / "deep.glb"
+    path.write_bytes(to_glb(made))
+    assert load_course(path).cup == made.cup and made.cup is not None and made.cup.depth == 0.2
 
 
 def test_putts_on_the_copy_take_the_same_path(tmp_path: Path) -> None:

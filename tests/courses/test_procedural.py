@@ -180,6 +180,8 @@ def test_levels_are_found_by_name() -> None:
     course = load_course(f"procedural-v{GENERATOR}-easy-17")
     assert course.name == f"procedural-v{GENERATOR}-easy-17"
     assert load_course(course.name) is course
+    wide = load_course(course.name, cup_radius=0.06).cup
+    assert wide is not None and wide.radius == 0.06
     assert _build.cache_info().maxsize == _world.cache_info().maxsize == LEVELS_KEPT
 
 
