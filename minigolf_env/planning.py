@@ -9,8 +9,9 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple, cast
 
+import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
@@ -64,7 +65,7 @@ class Plan(NamedTuple):
 
 
 def search(
-    env: MiniGolfEnv,
+    env: gym.Env[Any, Any],
     efforts: Sequence[Effort] = (QUICK, THOROUGH),
     *,
     look_ahead: bool = True,
@@ -77,7 +78,7 @@ def search(
     tried from resting places of the first, without noise.
 
     Args:
-        env: where the ball lies.
+        env: a MiniGolfEnv, wrapped or not: where the ball lies.
         efforts: tried one after the other until one finds a hole-in-one.
         look_ahead: whether to look for a second putt where there is no hole-in-one; otherwise the plan is the putt that
             comes closest along the course.
@@ -93,8 +94,9 @@ def search(
             raise ValueError(f"efforts: expected directions and speeds >= 1 and rounds >= 0, received {effort}.")
     if not efforts:
         raise ValueError("efforts: expected at least one, received none.")
-    task = env.task if noise is None else replace(env.task, putt_noise=check_noise(noise))
-    start = np.array(env.get_state()["position"])[None]
+    golf = cast(MiniGolfEnv, env.unwrapped)
+    task = golf.task if noise is None else replace(golf.task, putt_noise=check_noise(noise))
+    start = np.array(golf.get_state()["position"])[None]
     tried = 0
     for effort in efforts:
         putts = _try(task, start, effort)

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from gymnasium.wrappers import TimeLimit
 
 from minigolf_env.courses import Course
 from minigolf_env.courses.builder import Hole
@@ -38,6 +39,8 @@ def test_the_plan_is_what_happens(env: MiniGolfEnv, noise: tuple[float, float]) 
     before = env.get_state()
     plan = search(env, [Effort(40, 10, 2)], noise=noise)
     assert env.get_state() == before and env.task.putt_noise == (0.0, 0.0)
+    wrapped = search(TimeLimit(env, 5), [Effort(40, 10, 2)], noise=noise)
+    np.testing.assert_array_equal(wrapped.action, plan.action)
     assert env.action_space.contains(plan.action)
     outcome = env.what_if(plan.action[None])
     assert bool(outcome.holed[0]) == plan.holed
