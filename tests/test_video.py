@@ -173,7 +173,7 @@ def _umask(folder: Path) -> int:
         ("a.mp4", (0, 48), FPS, "width and height"),
         ("a.mp4", (64,), FPS, "width and height"),
         ("a.mp4", SIZE, 0, "fps: expected an integer"),
-        ("a.mp4", SIZE, 29.97, "fps: expected an integer"),
+        ("a.mp4", SIZE, 29.97, "fps: expected an integer from 1 to .*, received 29.97; 30 is usual"),
         ("a.gif", SIZE, 60, "fps of a .gif: .* to 50"),
     ],
 )

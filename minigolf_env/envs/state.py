@@ -11,7 +11,7 @@ import numpy as np
 from minigolf_env.envs.levels import Tasks
 from minigolf_env.envs.options import LIE, require_lie
 from minigolf_env.envs.task import FloatArray, Task
-from minigolf_env.physics.checks import finite_array
+from minigolf_env.physics.checks import finite_array, whole_number
 
 
 class Episode(NamedTuple):
@@ -59,11 +59,10 @@ def read_state(state: Any, tasks: Tasks, task: Task) -> Episode:
     if not isinstance(over, (bool, np.bool_)):
         raise ValueError(f"over: expected True or False, received {over!r:.80}.")
     task = tasks.level(state[tasks.key]) if tasks.key in state else task
-    position, strokes = finite_array(state["position"], (3,), "position", LIE), state.get("strokes", 0)
+    position = finite_array(state["position"], (3,), "position", LIE)
     most = task.max_strokes if over else task.max_strokes - 1
-    if not isinstance(strokes, (int, np.integer)) or isinstance(strokes, bool) or not 0 <= strokes <= most:
-        hint = "." if over else f"; after {task.max_strokes} an episode is over."
-        raise ValueError(f"strokes: expected an integer from 0 to {most}, received {strokes!r:.80}{hint}")
+    hint = "" if over else f"after {task.max_strokes} an episode is over."
+    strokes = whole_number(state.get("strokes", 0), "strokes", 0, most, hint)
     generator: Any = state.get("np_random")
     if "np_random" in state:
         try:
@@ -73,7 +72,7 @@ def read_state(state: Any, tasks: Tasks, task: Task) -> Episode:
                 raise ValueError(f"received {generator!r:.200}")
         except (KeyError, OverflowError, TypeError, ValueError) as error:
             raise ValueError(f"np_random: expected a state of numpy's PCG64 generator; {error}") from error
-    return Episode(task, position, int(strokes), bool(over), generator)
+    return Episode(task, position, strokes, bool(over), generator)
 
 
 def check_lies(episodes: Sequence[Episode]) -> None:

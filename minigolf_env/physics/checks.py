@@ -49,12 +49,13 @@ def positive_number(value: float, what: str, remedy: str) -> float:
     return number
 
 
-def whole_number(value: Any, what: str, least: int, most: int | None = None) -> int:
+def whole_number(value: Any, what: str, least: int, most: int | None = None, remedy: str = "") -> int:
     """Return an int, from Python's integers or numpy's, or raise a ValueError that says what was received."""
     whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
     if not whole or value < least or (most is not None and value > most):
         wanted = f">= {least}" if most is None else f"from {least} to {most}"
-        raise ValueError(f"{what}: expected an integer {wanted}, received {value!r}.")
+        hint = f"; {remedy}" if remedy else "."
+        raise ValueError(f"{what}: expected an integer {wanted}, received {value!r:.80}{hint}")
     return int(value)
 
 

@@ -49,8 +49,8 @@ def film(
     started = time.perf_counter()
     path = check_path(output)
     fps, size = check_fps(fps, path), check_size(size, "size")
-    whole_number(episodes, "episodes", 1, 1000)
-    whole_number(seed, "seed", 0, 2**63)
+    whole_number(episodes, "episodes", 1, 1000, "one has several putts.")
+    whole_number(seed, "seed", 0, 2**63, "0 will do.")
     one_of(profile, PROFILES, "profile")
     player = load_policy(policy, seed)
     look: dict[str, Any] = {"render_size": size, "camera": camera, "render_profile": profile}

@@ -178,8 +178,8 @@ def check_path(path: str | Path) -> Path:
 def check_fps(fps: int, path: Path) -> int:
     """Return pictures a second that a kind of file can have, or raise a ValueError."""
     if path.suffix.lower() == ".gif":
-        return whole_number(fps, "fps of a .gif", 1, GIF_FPS)
-    return whole_number(fps, "fps", 1, MP4_FPS)
+        return whole_number(fps, "fps of a .gif", 1, GIF_FPS, "an .mp4 takes more.")
+    return whole_number(fps, "fps", 1, MP4_FPS, "30 is usual.")
 
 
 def _command(size: tuple[int, int], fps: int, ending: str) -> list[str]:

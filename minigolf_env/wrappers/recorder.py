@@ -57,7 +57,7 @@ class Recorder:
         quiet: bool,
         gc_trigger: Trigger | None,
     ) -> None:
-        whole_number(length, "video_length", 0)
+        whole_number(length, "video_length", 0, remedy="give a number of pictures, or 0 for whole episodes.")
         if episode_trigger is None and step_trigger is None:
             episode_trigger = cubes
         self.folder = Path(folder).expanduser().absolute()
