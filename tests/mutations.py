@@ -35,6 +35,7 @@ ORDER = (
     "bvh",
     "guarantees",
     "neighbourhood",
+    "lanes",
 )
 TESTS = [f"tests/physics/test_{name}.py" for name in (*ORDER, "history", "termination", "metamorphic", "bad_input")]
 TESTS += [f"tests/test_soak.py::test_{name}" for name in ("rooms_in_which_time_was_lost", "soak")]
@@ -57,7 +58,7 @@ class Mutation:
 
 
 INSIDE = "_is_inside(-dot(a, u), -dot(a, v), dot(w, u), dot(w, v),"
-HOLDS = "_holds(near, p) and _holds(near, add(p, w))"
+HOLDS = "holds(cylinder, p) and holds(cylinder, add(p, w))"
 
 MUTATIONS = [
     Mutation("an absolute epsilon", "world.py", "eps=TOLERANCE * self.scale,", "eps=1e-9,"),
@@ -167,15 +168,13 @@ MUTATIONS = [
         "a direction without reach", "bvh.py", "free > 0.0 and free * free > reach * reach * distance2", "free > 0.0"
     ),
     Mutation("a box without reach", "bvh.py", "ex, ey, ez = box.x + reach,", "ex, ey, ez = box.x,"),
-    Mutation(
-        "a stale neighbourhood", "neighbourhood.py", f"inside = {HOLDS}", 'inside = near.cylinder[0]["length"] >= 0.0'
-    ),
-    Mutation("a neighbourhood of the start", "neighbourhood.py", f"inside = {HOLDS}", "inside = _holds(near, p)"),
+    Mutation("a stale neighbourhood", "neighbourhood.py", HOLDS, "cylinder.length >= 0.0"),
+    Mutation("a neighbourhood of the start", "neighbourhood.py", HOLDS, "holds(cylinder, p)"),
     Mutation("a neighbourhood of the centre", "neighbourhood.py", "1.5 * radius + scene.radius +", "1.5 * radius +"),
     Mutation(
         "a neighbourhood of the path alone", "neighbourhood.py", "1.5 * radius + scene.radius +", "scene.radius +"
     ),
-    Mutation("a neighbourhood of one path", "neighbourhood.py", "near, p, scale(w, paths), reach", "near, p, w, reach"),
+    Mutation("a neighbourhood of one path", "neighbourhood.py", "near, p, way, reach", "near, p, w, reach"),
     Mutation(
         "a full list", "neighbourhood.py", "            return False\n        for i", "            break\n        for i"
     ),
@@ -191,6 +190,34 @@ MUTATIONS = [
         "        held = hold(contacts, held, scale(n, -1.0), 0.0)\n",
         "        pass\n",
     ),
+    Mutation("a lane over two meshes", "lanes.py", 'a["surface"] == b["surface"]', "True"),
+    Mutation("a lane on another plane", "lanes.py", "<= LEVEL * scene.eps", "<= math.inf"),
+    Mutation("a lane on a floor with a back", "lanes.py", 'if not triangle["one_sided"]', "if False"),
+    Mutation("a lane through walls", "lanes.py", "free = min(free, _clear_until(", "_ = (free, _clear_until("),
+    Mutation("a lane that turns towards them", "lanes.py", "side * climb)", "-side * climb)"),
+    Mutation("a lane as wide as its cylinder", "lanes.py", "1.5 * radius + scene.radius +", "1.5 * radius +"),
+    Mutation("a lane without ground", "lanes.py", "stands, free = False, 1.0", "stands, free = True, 1.0"),
+    Mutation("a lane without an end", "lanes.py", "on &= holds(cylinder, end) & (", "on &= ("),
+    Mutation("a lane above the ground", "lanes.py", "height <= radius + 0.75 * eps", "height <= math.inf"),
+    Mutation("a lane in the ground", "lanes.py", "height >= radius - 0.5 * eps", "height >= 0.0"),
+    Mutation("a lane without touch", "lanes.py", "climb <= -16.0 * eps", "climb <= math.inf"),
+    Mutation("a lane for balls that bounce", "lanes.py", '* approach <= lane["press"][i]', "* approach <= math.inf"),
+    Mutation("a lane for balls that graze", "lanes.py", " & ((rising < 0.0) | (not scene.conservative))", ""),
+    Mutation(
+        "a lane with the other response",
+        "lanes.py",
+        "math.sqrt(rising * rising) if scene.conservative else -dot(average, n)",
+        "-dot(average, n)",
+    ),
+    Mutation("a lane that is always sunk into", "lanes.py", "choose(sinking < 0.0,", "choose(sinking < math.inf,"),
+    Mutation(
+        "a lane for balls that lie still", "lanes.py", "speed2 > slow * slow * dot(gravity, gravity)", "speed2 > 0.0"
+    ),
+    Mutation("a lane for balls that leave", "lanes.py", "(left <= 0.0) |", "(left <= math.inf) |"),
+    Mutation("a lane for balls that stop", "lanes.py", "speed > braking * dt", "speed > 0.0"),
+    Mutation("a lane out of bounds", "lanes.py", "(end.x <= upper.x)", "(end.x <= math.inf)"),
+    Mutation("a lane without a time limit", "lanes.py", ' & (lane["rolled"][i] < lane["left"][i])', ""),
+    Mutation("time in a lane does not count", "simulate.py", 'steps + lane["rolled"][k], 0', "steps, 0"),
     Mutation("a first corner of any kind", "normals.py", "opposite.argmax(axis=1)", "opposite.argmin(axis=1)"),
     Mutation("a rising part is kept", "contact.py", "along(v, -max(0.0, dot(v, n)), n))", "v)"),
     Mutation("a rattling ball bounces", "simulate.py", "if lasts or rattles:", "if lasts:"),
@@ -200,8 +227,8 @@ MUTATIONS = [
     Mutation(
         "what stopped a ball stops it for good", "simulate.py", "True, 0, scene.gravity, net", "True, held, a, net"
     ),
-    Mutation("gravity alone presses", "contact.py", "-dot(scene.gravity, n), -dot(a, n))", "-dot(scene.gravity, n))"),
-    Mutation("acceleration alone presses", "contact.py", "max(0.0, -dot(scene.gravity, n), -dot", "max(0.0, -dot"),
+    Mutation("gravity alone presses", "contact.py", "-dot(gravity, n), -dot(a, n))", "-dot(gravity, n))"),
+    Mutation("acceleration alone presses", "contact.py", "max(0.0, -dot(gravity, n), -dot", "max(0.0, -dot"),
 ]
 
 

@@ -30,12 +30,13 @@ def simulate_rows(
 ) -> NDArray[np.void]:
     """Run balls (N, 3) to their end, in place; return records (N,) of RESULT."""
     results: RecordArray = np.empty(len(positions), RESULT)
+    balls = kernels.Balls(positions, velocities, results)
 
     def run(first: int, last: int) -> None:
         scratch = kernels.new_scratch()
         for a, b, scene in _spans(scenes, len(positions), first, last):
             forget(scratch.near.cylinder)
-            kernels.simulate_range(a, b, scene, scratch, steps, positions, velocities, results, NO_PATH, NO_LOG)
+            kernels.simulate_range(a, b, scene, scratch, steps, balls, NO_PATH, NO_LOG)
 
     with announced_compilation("simulate"):
         in_parallel(run, len(positions))

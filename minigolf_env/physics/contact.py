@@ -118,12 +118,17 @@ def resist(v: Vec3, a: Vec3, resistance: float, h: float) -> tuple[Vec3, float, 
         return scale(a, 1.0 - resistance / pull), h, False
     if resistance == 0.0:
         return a, h, False
-    speed = norm(v)
-    net = along(a, -resistance / speed, v)
-    braking = resistance - dot(a, v) / speed
+    net, speed, braking = brake(v, a, resistance)
     if braking > 0.0 and speed <= braking * h:
         return net, speed / braking, True
     return net, h, False
+
+
+@kernel
+def brake(v: Vec3, a: Vec3, resistance: float) -> tuple[Vec3, float, float]:
+    """Return the net acceleration of a ball that rolls at velocity v, its speed, and how fast that falls, m/s^2."""
+    speed = norm(v)
+    return along(a, -resistance / speed, v), speed, resistance - dot(a, v) / speed
 
 
 @kernel
@@ -162,13 +167,18 @@ def rebound(scene: Scene, hit: Collision, w: Vec3, v: Vec3, a: Vec3, net: Vec3, 
         approach = math.sqrt(dot(v, n) ** 2 + hit.alpha * (1.0 - hit.alpha) * span * span * dot(net, net))
         if dot(v, n) >= 0.0:  # It only grazes, and leaves undamped.
             restitution, tangential = 1.0, 1.0
-    pressing = max(0.0, -dot(scene.gravity, n), -dot(a, n))
     # A rolling ball meets its floor at just the speed pressing dt / 2: rounding must not make it bounce if e = 1.
-    weak = restitution * approach - 0.5 * pressing * scene.dt
+    weak = restitution * approach - 0.5 * pressing(scene.gravity, a, n) * scene.dt
     if weak <= 0.0 or min(weak, approach) <= GRAZE * norm(w):
         return v, True
     sliding = along(incoming, -dot(incoming, n), n)
     return along(scale(sliding, tangential), restitution * approach, n), False
+
+
+@kernel
+def pressing(gravity: Vec3, a: Vec3, n: Vec3) -> float:
+    """Return how hard gravity or the acceleration a presses a ball onto a surface, m/s^2."""
+    return max(0.0, -dot(gravity, n), -dot(a, n))
 
 
 @kernel

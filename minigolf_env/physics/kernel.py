@@ -51,11 +51,6 @@ def entry_kernel(function: Function) -> Function:
     return _compile(function)
 
 
-def merged_kernel(function: Function) -> Function:
-    """Merge a function into the source of its only caller, so that it is compiled once; Python may call it too."""
-    return _compile(function, inline="always")
-
-
 def _compile(function: Function, **options: Any) -> Function:
     # Every kernel is put into its callers: passing scenes by value, hundreds of bytes a call, costs more than the work.
     # Without a word numba does as it did for the caller it compiles first: speed would hang on what a user asks first.

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from minigolf_env.physics.bvh import is_on_path
+from minigolf_env.physics.bvh import LEAF, is_on_path
 from minigolf_env.physics.kernel import entry_kernel, kernel
 from minigolf_env.physics.sweep import Collision, no_collision, sooner, sweep
 from minigolf_env.physics.swept_sphere import may_come_near
@@ -43,13 +43,22 @@ CYLINDER = np.dtype(
 squared radius (m^2); how many paths the next one should hold; the number of triangles in the list."""
 
 
+class Cylinder(NamedTuple):
+    """A cylinder in the kernels' terms."""
+
+    foot: Vec3
+    axis: Vec3
+    length: float
+    radius2: float
+
+
 class Neighbourhood(NamedTuple):
     """Scratch memory of one thread."""
 
     cylinder: RecordArray
     """(1,) of CYLINDER."""
     rows: NDArray[np.int64]
-    """(CAPACITY,): the triangles' rows in the scene."""
+    """(CAPACITY + LEAF,): the triangles' rows in the scene."""
     queue: NDArray[np.int64]
     """(QUEUE,): the nodes to look into, during a search."""
 
@@ -58,7 +67,7 @@ def no_neighbourhood() -> Neighbourhood:
     """Return scratch memory for one thread, which holds no place yet."""
     cylinder = np.zeros(1, CYLINDER)
     forget(cylinder)
-    return Neighbourhood(cylinder, np.zeros(CAPACITY, np.int64), np.zeros(QUEUE, np.int64))
+    return Neighbourhood(cylinder, np.zeros(CAPACITY + LEAF, np.int64), np.zeros(QUEUE, np.int64))
 
 
 def forget(cylinder: RecordArray) -> None:
@@ -69,8 +78,8 @@ def forget(cylinder: RecordArray) -> None:
 @entry_kernel
 def sweep_near(scene: Scene, near: Neighbourhood, p: Vec3, w: Vec3) -> Collision:
     """Return what ``sweep`` returns, sooner."""
-    inside = _holds(near, p) and _holds(near, add(p, w))
-    if not inside and not _look_around(scene, near, p, w):
+    cylinder = _cylinder(near)
+    if not ((holds(cylinder, p) and holds(cylinder, add(p, w))) or _look_around(scene, near, p, w)):
         return sweep(scene, p, w)
     best = no_collision()
     for k in range(near.cylinder[0]["count"]):
@@ -82,12 +91,26 @@ def sweep_near(scene: Scene, near: Neighbourhood, p: Vec3, w: Vec3) -> Collision
 
 
 @kernel
-def _holds(near: Neighbourhood, p: Vec3) -> bool:
-    """Return whether the cylinder holds the point p."""
-    cylinder = near.cylinder[0]
-    way = sub(p, vec3(cylinder["foot"]))
-    height = dot(way, vec3(cylinder["axis"]))
-    return bool(0.0 <= height <= cylinder["length"] and dot(way, way) - height * height <= cylinder["radius2"])
+def _cylinder(near: Neighbourhood) -> Cylinder:
+    record = near.cylinder[0]
+    return Cylinder(vec3(record["foot"]), vec3(record["axis"]), record["length"], record["radius2"])
+
+
+@kernel
+def holds(cylinder: Cylinder, p: Vec3) -> bool:
+    """Return whether a cylinder holds the point p, without a branch."""
+    way = sub(p, cylinder.foot)
+    height = dot(way, cylinder.axis)
+    return bool((height >= 0.0) & (height <= cylinder.length) & (dot(way, way) - height * height <= cylinder.radius2))
+
+
+@kernel
+def around(p: Vec3, w: Vec3, radius: float) -> Cylinder:
+    """Return a cylinder around the path p to p + w, whose points are at most 1.42 radii from it."""
+    length = norm(w)
+    axis = scale(w, 1.0 / length) if length > 1e-100 else Vec3(0.0, 0.0, 0.0)
+    longer = length + 2.0 * radius
+    return Cylinder(along(p, -radius, axis), axis, longer, radius * radius - 1e-14 * longer * longer)  # For rounding.
 
 
 @kernel
@@ -97,25 +120,29 @@ def _look_around(scene: Scene, near: Neighbourhood, p: Vec3, w: Vec3) -> bool:
     A rolling ball's paths dip into the ground by half of what gravity does in their time: there the cylinder is wide
     enough to its end, and no wider, for the fewer triangles. In flight paths bend more, and leave it sooner.
     """
-    cylinder, length = near.cylinder[0], norm(w)
-    axis = scale(w, 1.0 / length) if length > 1e-100 else Vec3(0.0, 0.0, 0.0)
-    paths = max(1.0, cylinder["paths"])
-    while paths >= 1.0:
-        longer = paths * length
-        radius = paths * scene.dt * scene.dt * norm(scene.gravity) + 1e-4 * longer + 4.0 * scene.eps
-        # A point of the cylinder is at most 1.42 radii from the path; from there a ball meets what is within its own.
-        reach = 1.5 * radius + scene.radius + 4.0 * scene.eps
-        if _list_triangles(scene, near, p, scale(w, paths), reach, FEW if paths > 1.0 else CAPACITY):
-            foot = along(p, -radius, axis)
-            for k in range(3):
-                cylinder["foot"][k], cylinder["axis"][k] = foot[k], axis[k]
-            cylinder["length"] = longer + 2.0 * radius
-            cylinder["radius2"] = radius * radius - 1e-14 * cylinder["length"] ** 2  # For rounding in _holds.
-            cylinder["paths"] = min(FURTHEST, 2.0 * paths) if 3 * cylinder["count"] <= FEW else paths
-            return True
-        paths *= 0.5
-    cylinder["length"], cylinder["paths"] = -1.0, 1.0
-    return False
+    record = near.cylinder[0]
+    paths = record["paths"]
+    way = scale(w, paths)
+    radius = paths * scene.dt * scene.dt * norm(scene.gravity) + 1e-4 * norm(way) + 4.0 * scene.eps
+    # From a point of the cylinder a ball meets what is within its own radius.
+    reach = 1.5 * radius + scene.radius + 4.0 * scene.eps
+    if not _list_triangles(scene, near, p, way, reach, FEW if paths > 1.0 else CAPACITY):
+        record["length"], record["paths"] = -1.0, max(1.0, 0.5 * paths)
+        return False
+    cylinder = around(p, way, radius)
+    for k in range(3):
+        record["foot"][k], record["axis"][k] = cylinder.foot[k], cylinder.axis[k]
+    record["length"], record["radius2"] = cylinder.length, cylinder.radius2
+    if is_short(near):
+        record["paths"] = min(FURTHEST, 2.0 * paths)
+    return True
+
+
+@kernel
+def is_short(near: Neighbourhood) -> bool:
+    """Return whether there is a list with room for more."""
+    record = near.cylinder[0]
+    return bool(record["length"] >= 0.0 and 3 * record["count"] <= FEW)
 
 
 @kernel
@@ -131,11 +158,13 @@ def _list_triangles(scene: Scene, near: Neighbourhood, p: Vec3, w: Vec3, reach: 
     while done < waiting:
         node = nodes[queue[done]]
         first, size = node["first"], node["size"]
-        if count + size > most or waiting + 2 > len(queue):
+        if waiting + 2 > len(queue):
             return False
         for i in range(first, first + size):
             rows[count] = i
             count += int(_is_near(triangles[i], middle, half, reach))
+        if count > most:
+            return False
         if size == 0:
             left = queue[done] + 1
             right = first

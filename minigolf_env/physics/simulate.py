@@ -19,11 +19,12 @@ from minigolf_env.physics.contact import (
     stop,
     surface_of,
 )
-from minigolf_env.physics.kernel import entry_kernel, kernel, merged_kernel
-from minigolf_env.physics.neighbourhood import Neighbourhood, no_neighbourhood, sweep_near
+from minigolf_env.physics.kernel import entry_kernel, kernel
+from minigolf_env.physics.lanes import LANE, LANES, enter, roll
+from minigolf_env.physics.neighbourhood import Neighbourhood, is_short, no_neighbourhood, sweep_near
 from minigolf_env.physics.sweep import distance, is_near, sweep
 from minigolf_env.physics.types import ZERO, FloatArray, RecordArray, Scene, Status, Vec3
-from minigolf_env.physics.vec3 import along, dot, norm, scale, vec3
+from minigolf_env.physics.vec3 import along, column, dot, norm, scale, store, vec3
 
 MAX_SUB_STEPS = 64
 """Pieces of one time step, nearly always 1 to 6: the guarantee that every step ends."""
@@ -31,6 +32,9 @@ MAX_SUB_STEPS = 64
 PATIENCE = MAX_SUB_STEPS // 2
 """Sub-steps after which every contact lasts and none leaves, and a stop is one for good: for a ball that rattles in a
 wedge, or turns on a slope, and uses up no time."""
+
+TOGETHER = 8
+"""Steps that balls roll on between two looks at which have ceased to."""
 
 REST, OUT_OF_BOUNDS, TIME_LIMIT = int(Status.REST), int(Status.OUT_OF_BOUNDS), int(Status.TIME_LIMIT)
 
@@ -41,11 +45,24 @@ class Scratch(NamedTuple):
     contacts: FloatArray
     """(MAX_CONTACTS, 4): the contacts that last, see contact.py."""
     near: Neighbourhood
+    lanes: RecordArray
+    """(1,) of LANE: balls that roll on."""
 
 
 def new_scratch() -> Scratch:
     """Return memory for one thread."""
-    return Scratch(np.zeros((MAX_CONTACTS, 4)), no_neighbourhood())
+    return Scratch(np.zeros((MAX_CONTACTS, 4)), no_neighbourhood(), np.zeros(1, LANE))
+
+
+class Balls(NamedTuple):
+    """The balls of a batch."""
+
+    positions: FloatArray
+    """(N, 3) centres, m: at the start, and at the end when they have run."""
+    velocities: FloatArray
+    """(N, 3) m/s."""
+    results: RecordArray
+    """(N,) of RESULT."""
 
 
 class Moved(NamedTuple):
@@ -135,29 +152,6 @@ def _hemmed(scene: Scene, contacts: FloatArray, p: Vec3, x: Vec3, span: float) -
     return left, held
 
 
-@merged_kernel
-def simulate(
-    scene: Scene, scratch: Scratch, p: Vec3, v: Vec3, max_steps: int, path: FloatArray, log: FloatArray
-) -> tuple[Vec3, Vec3, int, int, float, int, int]:
-    """Run the ball until it rests, leaves the bounds, or ``max_steps`` are done.
-
-    Returns position, velocity, status, steps begun, time (s), bounces and exhausted steps. Position and sub-steps
-    of each step are written to ``path`` (T, 4) as far as it has rows (row 0 is the start), bounces to ``log``.
-    """
-    _trace(path, ZERO, p, ZERO)
-    bounces, exhausted = ZERO, ZERO
-    for k in range(max_steps):
-        ball = step(scene, scratch, p, v, log, bounces, k * scene.dt)
-        p, v, bounces = ball.p, ball.v, ball.bounces
-        exhausted += int(ball.exhausted)
-        _trace(path, k + 1, p, ball.sub_steps)
-        if ball.resting:
-            return p, v, REST, k + 1, k * scene.dt + (scene.dt - ball.left), bounces, exhausted
-        if not _within(p, scene.lower, scene.upper):
-            return p, v, OUT_OF_BOUNDS, k + 1, (k + 1) * scene.dt, bounces, exhausted
-    return p, v, TIME_LIMIT, max_steps, max_steps * scene.dt, bounces, exhausted
-
-
 @kernel
 def _trace(path: FloatArray, row: int, p: Vec3, sub_steps: int) -> None:
     if row < len(path):
@@ -176,25 +170,74 @@ def simulate_range(
     scene: Scene,
     scratch: Scratch,
     max_steps: int,
-    positions: FloatArray,
-    velocities: FloatArray,
-    results: RecordArray,
+    balls: Balls,
     path: FloatArray,
     log: FloatArray,
 ) -> None:
-    """Run balls first to last - 1; positions and velocities (N, 3) become those at the end, ``results`` (N,) is filled.
+    """Run balls first to last - 1, each until it rests, leaves the bounds, or ``max_steps`` are done.
 
-    Only one ball should have a ``path`` and a ``log`` with rows.
+    Balls that roll on do so together, a lane each; the other steps a ball takes alone. If position and sub-steps of
+    each step are written to a ``path`` (T, 4) with rows (row 0 is the start), and bounces to ``log``, there should be
+    one ball, which takes all its steps alone.
     """
     for i in range(first, last):
-        p, v, status, steps, time, bounces, exhausted = simulate(
-            scene, scratch, vec3(positions[i]), vec3(velocities[i]), max_steps, path, log
-        )
-        positions[i, 0], positions[i, 1], positions[i, 2] = p.x, p.y, p.z
-        velocities[i, 0], velocities[i, 1], velocities[i, 2] = v.x, v.y, v.z
-        result = results[i]
-        result["status"], result["steps"], result["time"] = status, steps, time
-        result["bounces"], result["exhausted"] = bounces, exhausted
+        result = balls.results[i]
+        result["steps"], result["bounces"], result["exhausted"] = 0, 0, 0
+        _trace(path, ZERO, vec3(balls.positions[i]), ZERO)
+    lane, count, waiting = scratch.lanes[0], min(LANES, last - first), first
+    for k in range(count):
+        lane["ball"][k], lane["rolls"][k], lane["rolled"][k] = -1, 0, 0
+    rolling = True
+    while rolling:
+        rolling = False
+        for k in range(count):
+            while lane["rolls"][k] == 0 and (lane["ball"][k] >= 0 or waiting < last):
+                if lane["ball"][k] < 0:
+                    lane["ball"][k], waiting = waiting, waiting + 1
+                i = lane["ball"][k]
+                if not _walk(scene, scratch, k, i, max_steps, balls, path, log):
+                    lane["ball"][k] = -1
+            rolling |= lane["rolls"][k] != 0
+        for _ in range(TOGETHER):
+            if roll(scene, scratch.lanes, count) == 0:
+                break
+
+
+@kernel
+def _walk(
+    scene: Scene, scratch: Scratch, k: int, i: int, max_steps: int, balls: Balls, path: FloatArray, log: FloatArray
+) -> bool:
+    """Take steps with ball i alone until it may roll on in lane k, or its run ends; return whether it may."""
+    lane, near, result = scratch.lanes[0], scratch.near, balls.results[i]
+    p, v, smooth = vec3(balls.positions[i]), vec3(balls.velocities[i]), ZERO
+    steps, bounces, exhausted = result["steps"], result["bounces"], result["exhausted"]
+    if lane["rolled"][k] > 0:  # It comes from the lane.
+        p, v, smooth = column(lane["p"], k), column(lane["v"], k), ZERO + 1
+        steps, lane["rolled"][k] = steps + lane["rolled"][k], 0
+    status, left, rolls = TIME_LIMIT, 0.0, False
+    while steps < max_steps:
+        # Where the ground is not level it seldom is a step later: looks that fail become rare.
+        if smooth > 0 and smooth & (smooth - 1) == 0 and len(path) == 0:
+            rolls = enter(scene, scratch.contacts, scratch.lanes, k, p, v)
+        if rolls:
+            lane["left"][k] = max_steps - steps
+            break
+        ball = step(scene, scratch, p, v, log, bounces, steps * scene.dt)
+        smooth = smooth + 1 if ball.sub_steps == 2 and ball.bounces == bounces and is_short(near) else ZERO
+        lane["ground"][k] = near.rows[0]
+        p, v, bounces, exhausted, steps = ball.p, ball.v, ball.bounces, exhausted + int(ball.exhausted), steps + 1
+        _trace(path, steps, p, ball.sub_steps)
+        if ball.resting:
+            status, left = REST, ball.left
+            break
+        if not _within(p, scene.lower, scene.upper):
+            status = OUT_OF_BOUNDS
+            break
+    store(balls.positions[i], p)
+    store(balls.velocities[i], v)
+    result["status"], result["steps"], result["bounces"], result["exhausted"] = status, steps, bounces, exhausted
+    result["time"] = (steps - 1) * scene.dt + (scene.dt - left) if status == REST else steps * scene.dt
+    return rolls
 
 
 @entry_kernel

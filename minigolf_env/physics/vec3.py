@@ -15,6 +15,12 @@ def vec3(row: FloatArray) -> Vec3:
 
 
 @kernel
+def store(row: FloatArray, a: Vec3) -> None:
+    """Write a vector into an array (3,)."""
+    row[0], row[1], row[2] = a.x, a.y, a.z
+
+
+@kernel
 def add(a: Vec3, b: Vec3) -> Vec3:
     """Return a + b."""
     return Vec3(a.x + b.x, a.y + b.y, a.z + b.z)
@@ -54,3 +60,21 @@ def cross(a: Vec3, b: Vec3) -> Vec3:
 def norm(a: Vec3) -> float:
     """Return |a|."""
     return math.sqrt(dot(a, a))
+
+
+@kernel
+def choose(first: bool, a: Vec3, b: Vec3) -> Vec3:
+    """Return a or b, without a branch."""
+    return Vec3(a.x if first else b.x, a.y if first else b.y, a.z if first else b.z)
+
+
+@kernel
+def column(rows: FloatArray, i: int) -> Vec3:
+    """Read the vector in column i of an array (3, N)."""
+    return Vec3(rows[0, i], rows[1, i], rows[2, i])
+
+
+@kernel
+def put(rows: FloatArray, i: int, a: Vec3) -> None:
+    """Write a vector into column i of an array (3, N)."""
+    rows[0, i], rows[1, i], rows[2, i] = a.x, a.y, a.z

@@ -187,11 +187,11 @@ class World:
 
     def _run(self, p: FloatArray, v: FloatArray, steps: int, path: FloatArray, log: FloatArray) -> tuple[Shot, int]:
         """Return how a run of one ball ends, and the number of time steps begun."""
-        end, speed, results = p[None].copy(), v[None].copy(), np.empty(1, RESULT)
+        balls = kernels.Balls(p[None].copy(), v[None].copy(), np.empty(1, RESULT))
         with announced_compilation("simulate"):
-            kernels.simulate_range(0, 1, self._scene, kernels.new_scratch(), steps, end, speed, results, path, log)
-        time, status, begun, bounces, exhausted = results[0].tolist()
-        return Shot(end[0], speed[0], Status(status), time, bounces, exhausted), begun
+            kernels.simulate_range(0, 1, self._scene, kernels.new_scratch(), steps, balls, path, log)
+        time, status, begun, bounces, exhausted = balls.results[0].tolist()
+        return Shot(balls.positions[0], balls.velocities[0], Status(status), time, bounces, exhausted), begun
 
     def simulate_batch(self, positions: ArrayLike, velocities: ArrayLike, max_time: float = 30.0) -> Shot:
         """Run N balls, each alone in the world, from positions (N, 3) with velocities (N, 3), on all numba threads.
