@@ -175,6 +175,15 @@ def test_what_stands_on_the_floor_is_in_the_way(obstacle: Body) -> None:
             assert enters(world, [x, 0.05 * r, r], way, row) == free
 
 
+def test_no_ground_no_lane() -> None:
+    """A ball beside a table, as high as if it lay on it, does not roll on along the table's plane."""
+    meshes = [TriangleMesh(*inwards(box([-5, -5, -1], [5, 5, 1]))), TriangleMesh(*box([-4, -4, -0.5], [0, 4, 0.0]))]
+    world = World(meshes, ball_radius=BALL)
+    [row] = rows_under(world, np.array([-1.0, 0.1, BALL]))
+    for x, there in ((-1.0, True), (3.0 * BALL, False), (1.0, False)):
+        assert enters(world, [x, 0.1, BALL], 1.0, row) == there
+
+
 def enters(world: World, p: list[float], way: float, row: int) -> bool:
     """Return whether a ball that rolls on a triangle along x may roll on."""
     scratch = new_scratch()
