@@ -37,6 +37,9 @@ LEAST = 2.0
 LEVEL = 0.125
 """Share of eps by which level triangles may be apart."""
 
+TOUCHES = 0.75
+"""Share of eps by which a ball may be off its ground: with ``LEVEL``, less than what touches all level triangles."""
+
 LANE = np.dtype(
     [
         *((name, "f8", (3, LANES)) for name in ("p", "v", "corner", "normal", "pull", "foot", "axis")),
@@ -162,15 +165,14 @@ def roll(scene: Scene, lanes: RecordArray, count: int) -> int:
         # It falls onto its ground, which it touches: alpha is 0;
         average = along(v, 0.5 * dt, gravity)
         path = scale(average, dt)
-        height, climb = dot(sub(p, column(lane["corner"], i)), n), dot(path, n)
-        on = holds(cylinder, p) & holds(cylinder, add(p, path))
-        on &= (height >= radius - 0.5 * eps) & (height <= radius + 0.75 * eps)
+        gap, climb = dot(sub(p, column(lane["corner"], i)), n) - radius, dot(path, n)
+        on = holds(cylinder, p) & holds(cylinder, add(p, path)) & (abs(gap) <= TOUCHES * eps)
         on &= (climb <= -16.0 * eps) & (climb * climb * radius >= 128.0 * eps * dot(path, path))
 
-        # the contact lasts,
+        # the contact lasts, which it does if it only grazes;
         rising = dot(v, n)
         approach = math.sqrt(rising * rising) if scene.conservative else -dot(average, n)
-        on &= (lane["restitution"][i] * approach <= lane["press"][i]) & ((rising < 0.0) | (not scene.conservative))
+        on &= lane["restitution"][i] * approach <= lane["press"][i]
         sunk = along(v, -max(0.0, rising), n)
         sinking = dot(sunk, n)
         w = choose(sinking < 0.0, along(sunk, -sinking, n), sunk)
@@ -178,17 +180,18 @@ def roll(scene: Scene, lanes: RecordArray, count: int) -> int:
         on &= (speed2 > ROUNDING * ROUNDING * dot(sunk, sunk)) & (speed2 > slow * slow * dot(gravity, gravity))
         on &= (left <= 0.0) | (left * left <= GRAZE * GRAZE * speed2)
 
-        # and it rolls on along the plane.
+        # and it rolls on along the plane,
         pull, resistance = column(lane["pull"], i), lane["resistance"][i]
         net, speed, braking = brake(w, pull, resistance)
         net = choose(resistance == 0.0, pull, net)
         on &= (resistance == 0.0) | (braking <= 0.0) | (speed > braking * dt)
         way = scale(along(w, 0.5 * dt, net), dt)
         end = add(p, way)
-        on &= holds(cylinder, end) & (height + dot(way, n) >= radius - 0.75 * eps)
+        on &= holds(cylinder, end) & (gap + dot(way, n) >= -TOUCHES * eps)
         on &= (lower.x <= end.x) & (end.x <= upper.x) & (lower.y <= end.y) & (end.y <= upper.y)
         on &= (lower.z <= end.z) & (end.z <= upper.z)
 
+        # if it may.
         on &= (lane["rolls"][i] != 0) & (lane["rolled"][i] < lane["left"][i])
         put(lane["p"], i, choose(on, end, p))
         put(lane["v"], i, choose(on, along(w, dt, net), v))
