@@ -119,7 +119,7 @@ def test_a_rolled_step_is_a_step() -> None:
                 height = (p - world.scene.triangles[row]["a"]) @ n
                 p = p + n * (world.ball_radius - height + rng.choice([0.0, 0.0, -1.0, -0.6, 0.5, 0.9, 2.0]) * eps)
                 v = v - n * (v @ n) * rng.choice([0.0, 1.0]) + n * rng.choice([0.0, 1e-14, -1e-14, 1e-9, -1e-3, 0.1])
-                results = one_step(world, scratch, p, v * rng.choice([1.0, 1.0, 1e-6]), row)
+                results = one_step(world, scratch, p, v * rng.choice([1.0, 1.0, 1e-6, 1e-13]), row)
                 entered, rolled = entered + results[0], rolled + results[1]
     assert rolled > 500
     assert entered - rolled > 500
