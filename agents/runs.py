@@ -47,7 +47,7 @@ class Run:
     num_levels: int | None = None
     """Levels to train on, from level 0 on; checkpoints are scored on others."""
     observation: str = "state"
-    """What the agent sees: state, rays or pixels."""
+    """What the agent sees: state, rays, echoes or pixels."""
     reward: str = "shaped"
     """What it learns from: shaped or strokes."""
     putt_noise: tuple[float, float] = (0.0, 0.0)

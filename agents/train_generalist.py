@@ -54,8 +54,8 @@ class Args(runs.Run):
     difficulties: tuple[str, ...] = ("easy", "medium", "medium")
     """Of the levels, learned as often as they are named, and scored."""
     num_levels: int | None = 500_000
-    observation: str = "rays"
-    putts: int = 3_000_000
+    observation: str = "echoes"
+    putts: int = 2_000_000
     """Putts to try."""
     num_envs: int = 96
     """Of each difficulty, as often as it is named."""
@@ -266,8 +266,10 @@ def log_uniform(rng: np.random.Generator, between: tuple[float, float], shape: t
 def main(args: Args) -> list[Score]:
     """Train, score, print the tables."""
     began = time.monotonic()
-    if args.observation != "rays" or args.reward != "shaped":
-        raise SystemExit(f"expected observation rays and reward shaped, received {args.observation} and {args.reward}.")
+    if args.observation != "echoes" or args.reward != "shaped":
+        raise SystemExit(
+            f"expected observation echoes and reward shaped, received {args.observation} and {args.reward}."
+        )
     if args.difficulty is not None:
         raise SystemExit(f"difficulty: expected none, received {args.difficulty!r}; give --difficulties, one or more.")
     args, folder = runs.begin(args)

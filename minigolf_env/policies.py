@@ -98,7 +98,7 @@ class ModelPolicy:
         self.network = read_network(path)
         if self.network.judges and self.network.inputs != NUMBERS:
             raise ValueError(f"model: expected a judge of {NUMBERS} numbers, received one of {self.network.inputs}.")
-        self.observation = "rays" if self.network.judges else _kind((self.network.inputs,))
+        self.observation = "echoes" if self.network.judges else _kind((self.network.inputs,))
         self.sha256 = _sha256(Path(path))
         """Of the file."""
 

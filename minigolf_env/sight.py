@@ -1,8 +1,8 @@
-"""What a ball that sees "rays" can foresee of a putt, and which putt looks best.
+"""What a ball that sees "echoes" can foresee of a putt, and which putt looks best.
 
-The ends of the rays, and the corners between them, are taken for walls. A putt's line is followed off them as light is
-off mirrors, which is how balls come off wooden borders. Each leg of the line tells how far it passes the cup, and what
-roll the putt has left there. These numbers, its sight, stay the same when a hole is moved or turned.
+A putt's line is followed off the walls that the ray beside it met as light is off mirrors, which is how balls come off
+wooden borders. Each leg of the line tells how far it passes the cup, how it climbs, and what roll the putt has left
+there. These numbers, its sight, stay the same when a hole is moved or turned.
 
 Lengths are metres. A putt is its direction, radians counter-clockwise from x, and its roll: how far it would go on flat
 ground without walls, a measure of its energy. Arrays are of N balls, D directions each, and S rolls in each direction.
@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 
 from minigolf_env.courses.procedural.build import TOP_SPEED, WOOD
 from minigolf_env.courses.procedural.features import ROLLING
-from minigolf_env.envs.rays import AWAY, GROUND, RAYS, REACH
+from minigolf_env.envs.echoes import ECHO, ECHOES, FAR, LEGS
+from minigolf_env.envs.rays import AWAY, CUP, GROUND
 from minigolf_env.envs.task import OBSERVATION
 
 Array = NDArray[np.float32]
@@ -30,29 +31,31 @@ TOP_ROLL = TOP_SPEED**2 / (2.0 * ROLLING * 9.81)
 SHARE = WOOD.damping**2
 """What a bounce leaves of the roll."""
 
-LEGS = 4
-"""How many are followed: three bounces. With fewer, putts are judged worse."""
+PARALLEL, LEVEL = 0.97, 0.04
+"""Two walls are one if the cosine between their normals is greater and one's end is nearer to the other, m."""
 
-FLAT = 0.02
-"""The angle, radians, at which two walls are still one."""
+FURTHEST = 12.0
+"""How long a leg may be, m: a line that all but misses a wall of the ray beside it does not meet it."""
 
-NUMBERS = 20 + 12 * LEGS
+NUMBERS = 20 + 14 * LEGS
 """Of a sight."""
 
 MIRROR = np.ones(NUMBERS, np.float32)
 """What a sight is times, where left and right are exchanged: -1 for the numbers that say how far to the left."""
-MIRROR[[1, 5, *range(9, 13), *(13 + 9 * leg + k for leg in range(LEGS) for k in (0, 1, 2, 8))]] = -1.0
+MIRROR[[1, 5, *range(9, 13), *(13 + 11 * leg + k for leg in range(LEGS) for k in (0, 1, 2, 8))]] = -1.0
 
-ANGLE = 2.0 * math.pi / RAYS
-WAYS = np.stack([np.cos(ANGLE * np.arange(RAYS)), np.sin(ANGLE * np.arange(RAYS))], axis=-1).astype(np.float32)
-"""(RAYS, 2) the directions of the rays."""
+ASTRAY = 8.0
+"""How far along a leg whose wall is not sure the cup is looked for, m."""
+
+UNITS = np.array([FAR, FAR, 1.0, 1.0, 1.0, 1.0], np.float32)
+"""Of an echo's numbers, m."""
 
 STROKES = OBSERVATION.index("strokes left")
-RAY = len(OBSERVATION)
-DEPTH = RAY + RAYS
+DEPTH = len(OBSERVATION)
 SLOPE = DEPTH + 1
 STRAIGHT = DEPTH + GROUND
 HEIGHT = STRAIGHT + 2
+ECHOED = STRAIGHT + CUP
 
 
 class Leg(NamedTuple):
@@ -64,8 +67,14 @@ class Leg(NamedTuple):
     """(N, D, 2) unit vector."""
     length: Array
     """(N, D) up to a wall."""
-    wall: NDArray[np.int64]
-    """(N, D) the number of its first corner."""
+    sure: NDArray[np.bool_]
+    """(N, D) whether the ray on the line's other side met the same walls up to there."""
+    alike: NDArray[np.bool_]
+    """(N, D) whether the next ray on its near side did."""
+    height: Array
+    """(N, D) of its end above the ball."""
+    top: Array
+    """(N, D) the greatest so far."""
 
 
 def cup(observations: Array) -> Array:
@@ -74,53 +83,38 @@ def cup(observations: Array) -> Array:
     return np.asarray(AWAY * np.hypot(straight[:, 0], straight[:, 1])[:, None] * straight)
 
 
-def outline(rays: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Return the corners (N, 2 RAYS, 2) of what rays (N, RAYS) see, counter-clockwise, and which are sure (N, 2 RAYS).
+def lines(echoes: Array, directions: Array) -> list[Leg]:
+    """Return the LEGS legs of lines in directions (N, D), off the walls that echoes (N, R, LEGS, ECHO) met.
 
-    Two walls lead from the end of a ray to the end of the next. Where the walls beside them, drawn on, meet in between,
-    they are those walls; else they are one straight wall, sure if it goes on beside. One that is not sure may be none:
-    the ball sees past the end of a wall there.
+    A line is followed off the walls of the ray beside it: where it meets the same ones it is exact.
     """
-    ends = REACH * rays[..., None] * WAYS
-    wall = np.roll(ends, -1, 1) - ends
-    before, after = np.roll(wall, 1, 1), np.roll(wall, -1, 1)
-    size = np.hypot(wall[..., 0], wall[..., 1]) + np.float32(1e-6)
-    turn = _cross(after, before)
-    bent = np.abs(turn) > 1e-6
-    turn = np.where(bent, turn, np.float32(1.0))
-    meeting = ends + (_cross(after, wall) / turn)[..., None] * before
-    meets = bent & (_cross(after, wall) / turn > 0.0) & (_cross(wall, before) / turn > 0.0)
-    meets &= (_cross(WAYS, meeting) > 0.0) & (_cross(meeting, np.roll(WAYS, -1, 0)) > 0.0)
-    meets &= np.hypot(meeting[..., 0], meeting[..., 1]) < 1.3 * REACH
-    middles = np.where(meets[..., None], meeting, ends + 0.5 * wall)
-    goes_on = np.abs(_cross(before, wall)) < FLAT * size * np.roll(size, 1, 1)
-    goes_on |= np.abs(_cross(after, wall)) < FLAT * size * np.roll(size, -1, 1)
-    return np.stack([ends, middles], axis=2).reshape(len(rays), 2 * RAYS, 2), np.repeat(meets | goes_on, 2, axis=1)
-
-
-def lines(corners: Array, directions: Array) -> list[Leg]:
-    """Return the LEGS legs of lines in directions (N, D), off the walls between corners (N, K, 2)."""
+    turns = directions * (echoes.shape[1] / (2.0 * math.pi))
+    beside = np.rint(turns).astype(np.int64)
+    side = np.where(turns >= beside, 1, -1)
+    rows = np.arange(len(echoes))[:, None]
+    near, over, back = (echoes[rows, (beside + step) % echoes.shape[1]] for step in (0, side, -side))
     way = np.stack([np.cos(directions), np.sin(directions)], axis=-1)
-    start, rows, legs = np.zeros_like(way), np.arange(len(corners))[:, None], []
-    x, y = corners[:, None, :, 0], corners[:, None, :, 1]
-    walls = np.roll(corners, -1, 1) - corners
-    for _ in range(LEGS):
-        u, v = way[..., :1], way[..., 1:]
-        ahead = u * x + v * y - (way * start).sum(-1)[..., None]
-        left = u * y - v * x - _cross(way, start)[..., None]
-        ahead_next, left_next = np.roll(ahead, -1, -1), np.roll(left, -1, -1)
-        # Seen from inside, a wall that a line leaves through has its first corner on the right.
-        leaves = (left <= 0.0) & (left_next > 0.0)
-        length = (ahead * left_next - ahead_next * left) / np.where(leaves, left_next - left, np.float32(1.0))
-        length = np.where(leaves & (length > -1e-5), length, np.float32(np.inf))
-        wall = length.argmin(-1)
-        length = np.take_along_axis(length, wall[..., None], -1)[..., 0]
-        length = np.where(np.isfinite(length), np.maximum(length, 0.0), np.float32(0.0))
-        legs.append(Leg(start, way, length, wall))
-        along = walls[rows, wall]
+    start, sure, alike, legs = (
+        np.zeros_like(way),
+        np.ones(way.shape[:2], np.bool_),
+        np.ones(way.shape[:2], np.bool_),
+        [],
+    )
+    for ray, *others in zip(*(np.moveaxis(rays, 2, 0) for rays in (near, over, back)), strict=True):
+        end, wall = ray[..., :2], ray[..., 2:4]
+        towards = (way * wall).sum(-1)
+        meets = towards < -1e-3
+        length = ((end - start) * wall).sum(-1) / np.where(meets, towards, np.float32(-1.0))
+        meets &= (length >= 0.0) & (length < FURTHEST)
+        length = np.where(meets, length, np.hypot(*np.moveaxis(end - start, -1, 0)))
+        same = [
+            ((other[..., 2:4] * wall).sum(-1) > PARALLEL) & (np.abs(((other[..., :2] - end) * wall).sum(-1)) < LEVEL)
+            for other in others
+        ]
+        sure, alike = sure & meets & same[0], alike & meets & same[1]
+        legs.append(Leg(start, way, length, sure, alike, ray[..., 4], ray[..., 5]))
         start = start + length[..., None] * way
-        mirrored = 2.0 * (way * along).sum(-1) / np.maximum((along * along).sum(-1), 1e-12)
-        way = mirrored[..., None] * along - way
+        way = way - 2.0 * np.where(meets, towards, np.float32(0.0))[..., None] * wall
     return legs
 
 
@@ -128,30 +122,30 @@ def foresee(observations: NDArray[Any], directions: NDArray[Any], rolls: NDArray
     """Return the sights (N, D, S, NUMBERS), of about [-1, 1], of putts.
 
     Args:
-        observations: "rays", (N, 48).
+        observations: "echoes", (N, 2320).
         directions: (N, D).
         rolls: (N, D, S).
     """
     seen, directions = np.asarray(observations, dtype=np.float32), np.asarray(directions, dtype=np.float32)
     roll = np.asarray(rolls, dtype=np.float32)
-    corners, sure = outline(seen[:, RAY:DEPTH])
-    walls = np.roll(corners, -1, 1) - corners
-    sizes = np.minimum(np.hypot(walls[..., 0], walls[..., 1]) / 2.0, 1.0)
-    legs, rows = lines(corners, directions), np.arange(len(seen))[:, None]
+    echoes = seen[:, ECHOED:].reshape(len(seen), ECHOES, LEGS, ECHO) * UNITS
+    legs, height = lines(echoes, directions), np.zeros(directions.shape, np.float32)
     first, goal = legs[0].way, cup(seen)[:, None]
     away = np.hypot(goal[..., 0], goal[..., 1])
     short = _rests(legs, roll) - goal[:, :, None]
     lined = _surroundings(seen, first)
     rolled = [np.sqrt(roll / TOP_ROLL), roll / TOP_ROLL, *_scales(roll - away[..., None], 1.0, 6.0, 36.0)]
     for leg in legs:
-        miss, until = _passes(leg, goal, sure[rows, leg.wall])
+        miss, until = _passes(leg, goal)
         lined += [*_scales(miss, 0.05, 0.3, 2.0), leg.length / 4.0, until / 4.0]
-        lined += [sure[rows, leg.wall], sizes[rows, leg.wall], (leg.way * first).sum(-1), _cross(first, leg.way)]
+        lined += [leg.sure, leg.alike, (leg.way * first).sum(-1), _cross(first, leg.way)]
+        lined += [*_scales(leg.height - height, 0.1), *_scales(leg.top - height, 0.1)]
         there = roll - until[..., None]
         # Whether it drops, as one number: over the cup, and not too fast.
         slow = np.where(there > 0.0, np.exp(-np.maximum(there, 0.0) / 3.0), 0.0)
         rolled += [*_scales(there, 1.0, 8.0), np.exp(-np.square(miss / 0.04))[..., None] * slow]
-        roll = (roll - leg.length[..., None]) * SHARE
+        roll = (roll - (leg.length + (leg.height - height) / ROLLING)[..., None]) * SHARE
+        height = leg.height
     rolled += _scales(np.hypot(short[..., 0], short[..., 1]), 4.0, 0.5)
     sights = np.empty((*roll.shape, len(lined) + len(rolled)), np.float32)
     for k, numbers in enumerate([*(number[..., None] for number in lined), *rolled]):
@@ -160,7 +154,7 @@ def foresee(observations: NDArray[Any], directions: NDArray[Any], rolls: NDArray
 
 
 def _surroundings(seen: Array, ahead: Array) -> list[NDArray[Any]]:
-    """Return numbers (N, D) of what balls (N, 48) see that is no wall, along unit vectors (N, D, 2) and to the left."""
+    """Return numbers (N, D) of what balls (N, 2320) see that is no wall, along unit vectors (N, D, 2) and left."""
     goal = cup(seen)[:, None]
 
     def same(number: int) -> Array:
@@ -177,11 +171,11 @@ def _surroundings(seen: Array, ahead: Array) -> list[NDArray[Any]]:
     return [*known, np.hypot(until, left) / 4.0, until / 4.0, *_scales(left, 0.05, 0.2, 1.0, 4.0)]
 
 
-def _passes(leg: Leg, goal: Array, sure: NDArray[np.bool_]) -> tuple[Array, Array]:
+def _passes(leg: Leg, goal: Array) -> tuple[Array, Array]:
     """Return by how much legs miss the cup (N, D), which is positive on the left, and how far along they are there."""
     to_cup = goal - leg.start
     # A wall that is not sure is looked past: the cup may be behind.
-    until = np.clip((to_cup * leg.way).sum(-1), 0.0, np.where(sure, leg.length, 2.0 * REACH))
+    until = np.clip((to_cup * leg.way).sum(-1), 0.0, np.where(leg.sure, leg.length, ASTRAY))
     missed = to_cup - until[..., None] * leg.way
     return np.copysign(np.hypot(missed[..., 0], missed[..., 1]), _cross(leg.way, to_cup)), until
 
@@ -250,7 +244,7 @@ def best(
     """Return the putts of the least cost: of a grid, then of ever finer grids around the best of all so far.
 
     Args:
-        observations: "rays", (N, 48), N >= 1.
+        observations: "echoes", (N, 2320), N >= 1.
         cost: of sights (..., NUMBERS), returned as (...).
         effort: how closely to look.
         rng: draws the first putts; None: they are a regular grid, which has the direction of the cup.

@@ -28,15 +28,15 @@ def test_random_putts_fill_the_disc_evenly() -> None:
 
 
 def test_a_judge_of_other_numbers_is_refused(tmp_path: Path) -> None:
-    """It learned from another version's sights; and a judge plays by rays, alone as in a batch."""
+    """It learned from another version's sights; and a judge plays by echoes, alone as in a batch."""
     for inputs in (NUMBERS, NUMBERS + 1):
         weights = np.random.default_rng(0).normal(size=(inputs, 2)).astype(np.float32)
         Network((Layer(weights, np.zeros(2, np.float32)),), judges=True).save(tmp_path / f"{inputs}.npz")
     with pytest.raises(ValueError, match=f"judge of {NUMBERS} numbers, received one of {NUMBERS + 1}"):
         load_policy(tmp_path / f"{NUMBERS + 1}.npz")
     policy = ModelPolicy(tmp_path / f"{NUMBERS}.npz")
-    assert policy.observation == "rays"
-    env = MiniGolfEnv(observation="rays")
+    assert policy.observation == "echoes"
+    env = MiniGolfEnv(observation="echoes")
     seen = np.array([env.reset(seed=seed)[0] for seed in range(3)])
     putts = policy.act_many(seen)
     assert np.abs(putts).max() <= 1.0
@@ -47,7 +47,7 @@ def test_the_generalist_plays_levels_it_has_never_seen() -> None:
     """Well below the strokes of two putts on each."""
     policy = load_policy("generalist")
     assert isinstance(policy, ModelPolicy)
-    envs = MiniGolfVectorEnv(30, "procedural", difficulty="easy", observation="rays", tee="fixed", num_levels=1)
+    envs = MiniGolfVectorEnv(30, "procedural", difficulty="easy", observation="echoes", tee="fixed", num_levels=1)
     played = play_together(envs, policy, None, {"level": list(range(2_000_000, 2_000_030))})
     assert all(episode.holed for episode in played)
     assert np.mean([episode.strokes for episode in played]) < 1.9

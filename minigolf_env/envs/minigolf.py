@@ -43,6 +43,11 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
     is 0.5 m or more; the slope of the ground along x and y; and, in the same scale on every hole, numbers 6 and 7, 1 is
     8 m or more, and the cup's height above the ball, m.
 
+    With ``observation="echoes"`` it is ``Box(-1, 1, (2320,), float32)``: numbers 0 to 9; what "rays" tell of the ground
+    and the cup; and of 96 rays, which follow the ground and go on off three walls, four legs of six numbers each. These
+    are where it ends, x and y from the ball, 1 is 16 m; the wall's normal, x and y; the height there and the greatest
+    so far, m.
+
     With ``observation="pixels"`` it is ``Box(0, 255, (84, 84, 3), uint8)``: the course from above, x to the right and y
     up, the ball drawn large enough to be seen; the white share of the lowest two rows is the share of strokes left.
 
@@ -90,7 +95,7 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
             GPU.
         render_speed: how much faster than real time the window shows a putt.
         reward: "shaped" or "strokes".
-        observation: "state", "rays" or "pixels".
+        observation: "state", "rays", "echoes" or "pixels".
         max_strokes: strokes after which an episode ends, at least 1.
         tee: "random" or "fixed".
         top_speed: launch speed of a full putt, m/s; None: the course's.

@@ -9,6 +9,7 @@ import numpy as np
 from gymnasium.spaces import Space
 from numpy.typing import NDArray
 
+from minigolf_env.envs.echoes import echo_space, observe_echoes
 from minigolf_env.envs.pixels import observe_pixels, pixel_space
 from minigolf_env.envs.rays import observe_rays, ray_space
 from minigolf_env.envs.task import FloatArray, Game, observation_space
@@ -26,5 +27,6 @@ class Observer(NamedTuple):
 OBSERVERS = {
     "state": Observer(observation_space, Game.observe),
     "rays": Observer(ray_space, observe_rays),
+    "echoes": Observer(echo_space, observe_echoes),
     "pixels": Observer(pixel_space, observe_pixels),
 }

@@ -53,20 +53,29 @@ def observe_rays(game: Game, positions: FloatArray, strokes: NDArray[np.int64]) 
     A ray is the way that the ball itself has free in its direction, by the exact sweep. Where it has no room to be
     lifted (under a low roof) it is swept from where it lies.
     """
-    sweep, down = game.world.sweep_batch, np.array([0.0, 0.0, -DEPTH])
+    starts = lift(game, positions)
+    rays = game.world.sweep_batch(np.repeat(starts, RAYS, axis=0), (starts[:, None] + WAYS).reshape(-1, 3))
+    distances = np.asarray(rays.alpha).reshape(-1, RAYS)
+    felt = np.clip(np.concatenate([distances, feel_ground_and_cup(game, positions)], axis=1), -1.0, 1.0)
+    return np.concatenate([game.observe(positions, strokes), felt.astype(np.float32)], axis=1)
+
+
+def lift(game: Game, positions: FloatArray) -> FloatArray:
+    """Return where rays of balls at positions (N, 3) begin, (N, 3), m."""
     up = LIFT * game.holes.ball_radius[..., None] * np.array([0.0, 0.0, 1.0])
-    has_room = ~np.asarray(sweep(positions, positions + up).hit)
-    starts = positions + has_room[:, None] * up
-    rays = sweep(np.repeat(starts, RAYS, axis=0), (starts[:, None] + WAYS).reshape(-1, 3))
-    ground = sweep(positions, positions + down)
+    has_room = ~np.asarray(game.world.sweep_batch(positions, positions + up).hit)
+    return np.asarray(positions + has_room[:, None] * up)
+
+
+def feel_ground_and_cup(game: Game, positions: FloatArray) -> FloatArray:
+    """Return GROUND and CUP numbers (N, 6) of balls at positions (N, 3), m; they may be beyond -1 and 1."""
+    ground = game.world.sweep_batch(positions, positions + np.array([0.0, 0.0, -DEPTH]))
     normals = np.asarray(ground.normal)
     slopes = -normals[:, :2] / np.maximum(normals[:, 2:], STEEPEST)
     slopes[~np.asarray(ground.hit)] = 0.0
-    distances = np.asarray(rays.alpha).reshape(-1, RAYS)
     x, y, height = columns(game.holes.cup - positions)
     away = np.hypot(x, y)
     # As long as the root of the distance, and 1 from AWAY on.
     scale = np.maximum(np.maximum(np.sqrt(AWAY * away), away), SHORTEST)
     cup = np.stack([x / scale, y / scale, height / ABOVE], axis=-1)
-    felt = np.clip(np.concatenate([distances, np.asarray(ground.alpha)[:, None], slopes, cup], axis=1), -1.0, 1.0)
-    return np.concatenate([game.observe(positions, strokes), felt.astype(np.float32)], axis=1)
+    return np.concatenate([np.asarray(ground.alpha)[:, None], slopes, cup], axis=1)
