@@ -224,7 +224,6 @@ MUTATIONS = [
     Mutation(
         "a lane for balls that lie still", "lanes.py", "speed2 > slow * slow * dot(gravity, gravity)", "speed2 > 0.0"
     ),
-    Mutation("a lane for balls that leave", "lanes.py", "(left <= 0.0) |", "(left <= math.inf) |"),
     Mutation("a lane for balls that stop", "lanes.py", "speed > braking * dt", "speed > 0.0"),
     Mutation("a lane out of bounds", "lanes.py", "(end.x <= upper.x)", "(end.x <= math.inf)"),
     Mutation("a lane without a time limit", "lanes.py", ' & (lane["rolled"][i] < lane["left"][i])', ""),

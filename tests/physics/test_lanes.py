@@ -9,7 +9,7 @@ from trimesh.remesh import subdivide
 from minigolf_env.physics import Surface, TriangleMesh, World
 from minigolf_env.physics.lanes import AHEAD, LANES, enter, roll
 from minigolf_env.physics.simulate import Scratch, new_scratch, step
-from minigolf_env.physics.types import Vec3
+from minigolf_env.physics.types import Status, Vec3
 from tests.physics.scenes import BALL, Body, FloatArray, box, inwards, random_surface, rotation, sphere
 
 NO_LOG = np.empty((0, 8))
@@ -182,6 +182,19 @@ def test_no_ground_no_lane() -> None:
     [row] = rows_under(world, np.array([-1.0, 0.1, BALL]))
     for x, there in ((-1.0, True), (3.0 * BALL, False), (1.0, False)):
         assert enters(world, [x, 0.1, BALL], 1.0, row) == there
+
+
+def test_a_lane_ends_at_the_bounds() -> None:
+    """Whichever side a ball rolls out of, it is out in the step in which it leaves, as alone."""
+    bounds = [[-0.4, -0.3, -1.0], [0.3, 0.4, 1.0]]
+    world = World([TriangleMesh(*inwards(box([-5, -5, 0], [5, 5, 1])))], ball_radius=BALL, bounds=bounds)
+    ways = np.array([[1.0, 0.1, 0.0], [-1.0, 0.1, 0.0], [0.1, 1.0, 0.0], [0.1, -1.0, 0.0]])
+    starts = np.tile([0.0, 0.0, BALL], (4, 1))
+    batch = world.simulate_batch(starts, ways)
+    for i, way in enumerate(ways):
+        alone = world.simulate(starts[i], way, record=True)
+        assert alone.status == Status.OUT_OF_BOUNDS
+        assert (batch.status[i], batch.time[i]) == (alone.status, alone.time)  # type: ignore[index]
 
 
 def enters(world: World, p: list[float], way: float, row: int) -> bool:
