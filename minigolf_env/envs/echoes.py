@@ -9,7 +9,7 @@ import numpy as np
 from gymnasium.spaces import Box, Space
 from numpy.typing import NDArray
 
-from minigolf_env.envs.rays import CUP, GROUND, SHORTEST, feel_ground_and_cup, lift
+from minigolf_env.envs.rays import CUP, GROUND, SHORTEST, after_state, feel_ground_and_cup, lift
 from minigolf_env.envs.task import OBSERVATION, FloatArray, Game
 
 ECHOES = 96
@@ -48,7 +48,7 @@ def observe_echoes(game: Game, positions: FloatArray, strokes: NDArray[np.int64]
     echoes = trace(game, positions)
     echoes[..., :2] /= FAR
     felt = np.concatenate([feel_ground_and_cup(game, positions), echoes.reshape(len(positions), -1)], axis=1)
-    return np.concatenate([game.observe(positions, strokes), np.clip(felt, -1.0, 1.0).astype(np.float32)], axis=1)
+    return after_state(game, positions, strokes, felt)
 
 
 def trace(game: Game, positions: FloatArray) -> FloatArray:

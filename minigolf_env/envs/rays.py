@@ -56,8 +56,13 @@ def observe_rays(game: Game, positions: FloatArray, strokes: NDArray[np.int64]) 
     starts = lift(game, positions)
     rays = game.world.sweep_batch(np.repeat(starts, RAYS, axis=0), (starts[:, None] + WAYS).reshape(-1, 3))
     distances = np.asarray(rays.alpha).reshape(-1, RAYS)
-    felt = np.clip(np.concatenate([distances, feel_ground_and_cup(game, positions)], axis=1), -1.0, 1.0)
-    return np.concatenate([game.observe(positions, strokes), felt.astype(np.float32)], axis=1)
+    felt = np.concatenate([distances, feel_ground_and_cup(game, positions)], axis=1)
+    return after_state(game, positions, strokes, felt)
+
+
+def after_state(game: Game, positions: FloatArray, strokes: NDArray[np.int64], felt: FloatArray) -> NDArray[np.float32]:
+    """Return observations (N, 10 + K): "state"'s numbers, then those that are felt (N, K), clipped to [-1, 1]."""
+    return np.concatenate([game.observe(positions, strokes), np.clip(felt, -1.0, 1.0).astype(np.float32)], axis=1)
 
 
 def lift(game: Game, positions: FloatArray) -> FloatArray:

@@ -18,7 +18,7 @@ from minigolf_env.physics.kernel import entry_kernel, kernel
 from minigolf_env.physics.sweep import Collision, no_collision, sooner, sweep
 from minigolf_env.physics.swept_sphere import may_come_near
 from minigolf_env.physics.types import ZERO, RecordArray, Scene, Vec3
-from minigolf_env.physics.vec3 import add, along, dot, norm, scale, sub, vec3
+from minigolf_env.physics.vec3 import add, along, dot, norm, scale, store, sub, vec3
 
 CAPACITY = 64
 """Triangles in the list of one path: more cost more than walking through the tree once for each of its pieces."""
@@ -130,8 +130,8 @@ def _look_around(scene: Scene, near: Neighbourhood, p: Vec3, w: Vec3) -> bool:
         record["length"], record["paths"] = -1.0, max(1.0, 0.5 * paths)
         return False
     cylinder = around(p, way, radius)
-    for k in range(3):
-        record["foot"][k], record["axis"][k] = cylinder.foot[k], cylinder.axis[k]
+    store(record["foot"], cylinder.foot)
+    store(record["axis"], cylinder.axis)
     record["length"], record["radius2"] = cylinder.length, cylinder.radius2
     if is_short(near):
         record["paths"] = min(FURTHEST, 2.0 * paths)

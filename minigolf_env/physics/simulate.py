@@ -255,7 +255,7 @@ def sweep_range(
     for i in range(first, last):
         hit = sweep(scene, vec3(starts[i]), vec3(paths[i]))
         alphas[i], triangles[i] = hit.alpha, hit.order
-        normals[i, 0], normals[i, 1], normals[i, 2] = hit.normal.x, hit.normal.y, hit.normal.z
+        store(normals[i], hit.normal)
 
 
 @entry_kernel

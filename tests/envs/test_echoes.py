@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-import gymnasium as gym
 import numpy as np
 import pytest
-from gymnasium.utils.env_checker import check_env
 from numpy.typing import NDArray
 
-from minigolf_env.envs import MiniGolfEnv, MiniGolfVectorEnv
+from minigolf_env.envs import MiniGolfEnv
 from minigolf_env.envs.echoes import APART, ECHO, ECHOES, FAR, LEGS, STEP
 from minigolf_env.envs.rays import RAYS, REACH
 
@@ -76,21 +74,3 @@ def test_echoes_are_finite_on_every_hole(course: str) -> None:
     assert np.isfinite(legs).all()
     sizes = np.hypot(legs[..., 2], legs[..., 3])
     assert np.minimum(np.abs(sizes - 1.0), sizes).max() < 1e-5
-
-
-@pytest.mark.parametrize("course", ["dogleg", "procedural"])
-def test_a_batch_feels_what_single_environments_do(course: str) -> None:
-    """Bit for bit."""
-    batch = MiniGolfVectorEnv(5, course, observation="echoes")
-    singles = [MiniGolfEnv(course, observation="echoes") for _ in range(5)]
-    observed = batch.reset(seed=3)[0]
-    np.testing.assert_array_equal(observed, [env.reset(seed=3 + i)[0] for i, env in enumerate(singles)])
-    putts = np.random.default_rng(0).uniform(-1, 1, (5, 2)).astype(np.float32)
-    np.testing.assert_array_equal(
-        batch.step(putts)[0], [env.step(putt)[0] for env, putt in zip(singles, putts, strict=True)]
-    )
-
-
-def test_the_checker_accepts_echoes() -> None:
-    """Gymnasium's; there is no display here."""
-    check_env(gym.make("MiniGolf-v0", observation="echoes").unwrapped, skip_render_check=True)

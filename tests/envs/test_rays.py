@@ -6,6 +6,7 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
+import pytest
 from gymnasium.utils.env_checker import check_env
 from numpy.typing import NDArray
 
@@ -63,10 +64,12 @@ def test_the_cup_is_seen_in_one_scale_on_every_hole() -> None:
         np.testing.assert_allclose(observed[2], way[2], atol=1e-6)
 
 
-def test_a_batch_feels_what_single_environments_do() -> None:
+@pytest.mark.parametrize("observation", ["rays", "echoes"])
+@pytest.mark.parametrize("course", ["dogleg", "procedural"])
+def test_a_batch_feels_what_single_environments_do(course: str, observation: str) -> None:
     """Bit for bit."""
-    batch = MiniGolfVectorEnv(5, observation="rays")
-    singles = [MiniGolfEnv(observation="rays") for _ in range(5)]
+    batch = MiniGolfVectorEnv(5, course, observation=observation)
+    singles = [MiniGolfEnv(course, observation=observation) for _ in range(5)]
     observed = batch.reset(seed=3)[0]
     np.testing.assert_array_equal(observed, [env.reset(seed=3 + i)[0] for i, env in enumerate(singles)])
     putts = np.random.default_rng(0).uniform(-1, 1, (5, 2)).astype(np.float32)
@@ -75,6 +78,7 @@ def test_a_batch_feels_what_single_environments_do() -> None:
     )
 
 
-def test_the_checker_accepts_rays() -> None:
+@pytest.mark.parametrize("observation", ["rays", "echoes"])
+def test_the_checker_accepts_rays_and_echoes(observation: str) -> None:
     """Gymnasium's; there is no display here."""
-    check_env(gym.make("MiniGolf-v0", observation="rays").unwrapped, skip_render_check=True)
+    check_env(gym.make("MiniGolf-v0", observation=observation).unwrapped, skip_render_check=True)
