@@ -71,8 +71,8 @@ MUTATIONS = [
             Mutation(
                 "",
                 "neighbourhood.py",
-                "near.rows[0], row\n    return best",
-                "near.rows[0], row\n    return best if dot(w, best.normal) < 0.0 else no_collision()",
+                "        k += 1\n    return best",
+                "        k += 1\n    return best if dot(w, best.normal) < 0.0 else no_collision()",
             ),
         ),
     ),
@@ -170,9 +170,9 @@ MUTATIONS = [
     Mutation("a box without reach", "bvh.py", "ex, ey, ez = box.x + reach,", "ex, ey, ez = box.x,"),
     Mutation("a stale neighbourhood", "neighbourhood.py", HOLDS, "cylinder.length >= 0.0"),
     Mutation("a neighbourhood of the start", "neighbourhood.py", HOLDS, "holds(cylinder, p)"),
-    Mutation("a neighbourhood of the centre", "neighbourhood.py", "1.5 * radius + scene.radius +", "1.5 * radius +"),
+    Mutation("a neighbourhood of the centre", "neighbourhood.py", "1.42 * radius + scene.radius +", "1.42 * radius +"),
     Mutation(
-        "a neighbourhood of the path alone", "neighbourhood.py", "1.5 * radius + scene.radius +", "scene.radius +"
+        "a neighbourhood of the path alone", "neighbourhood.py", "1.42 * radius + scene.radius +", "scene.radius +"
     ),
     Mutation("a neighbourhood of one path", "neighbourhood.py", "near, p, way, reach", "near, p, w, reach"),
     Mutation(
@@ -185,6 +185,10 @@ MUTATIONS = [
         "near.rows[0] = row",
     ),
     Mutation(
+        "a list that keeps what comes later", "neighbourhood.py", "best.row == row and k < count", "best.row == row"
+    ),
+    Mutation("borders that never come later", "neighbourhood.py", "            last += 1\n", "            pass\n"),
+    Mutation(
         "a rattling ball is held from one side",
         "contact.py",
         "        held = hold(contacts, held, scale(n, -1.0), 0.0)\n",
@@ -195,7 +199,7 @@ MUTATIONS = [
     Mutation("a lane on a floor with a back", "lanes.py", 'if not triangle["one_sided"]', "if False"),
     Mutation("a lane through walls", "lanes.py", "free = min(free, _clear_until(", "_ = (free, _clear_until("),
     Mutation("a lane that turns towards them", "lanes.py", "side * climb)", "-side * climb)"),
-    Mutation("a lane as wide as its cylinder", "lanes.py", "1.5 * radius + scene.radius +", "1.5 * radius +"),
+    Mutation("a lane as wide as its cylinder", "lanes.py", "1.42 * radius + scene.radius +", "1.42 * radius +"),
     Mutation("a lane without ground", "lanes.py", "stands, free = False, 1.0", "stands, free = True, 1.0"),
     Mutation(
         "a lane without an end",

@@ -93,7 +93,7 @@ def _look_ahead(scene: Scene, p: Vec3, v: Vec3, pull: Vec3, ground: int) -> tupl
     w = scale(v, time)
     radius = scene.dt * scene.dt * norm(scene.gravity) + 0.5 * norm(pull) * time * time + 4.0 * scene.eps
     # A point of the cylinder is at most 1.42 radii from the path; from there a ball meets what is within its own.
-    reach = 1.5 * radius + scene.radius + 4.0 * scene.eps
+    reach = 1.42 * radius + scene.radius + 4.0 * scene.eps
     stands, free = False, 1.0
     o = octant(w)
     leaf = next_leaf_on_path(scene.nodes, o, ZERO, p, w, reach)

@@ -58,7 +58,7 @@ class Neighbourhood(NamedTuple):
     cylinder: RecordArray
     """(1,) of CYLINDER."""
     rows: NDArray[np.int64]
-    """(CAPACITY + LEAF,): the triangles' rows in the scene."""
+    """(2 (CAPACITY + LEAF),): the triangles' rows in the scene, and those a sweep looks at twice."""
     queue: NDArray[np.int64]
     """(QUEUE,): the nodes to look into, during a search."""
 
@@ -67,7 +67,7 @@ def no_neighbourhood() -> Neighbourhood:
     """Return scratch memory for one thread, which holds no place yet."""
     cylinder = np.zeros(1, CYLINDER)
     forget(cylinder)
-    return Neighbourhood(cylinder, np.zeros(CAPACITY + LEAF, np.int64), np.zeros(QUEUE, np.int64))
+    return Neighbourhood(cylinder, np.zeros(2 * (CAPACITY + LEAF), np.int64), np.zeros(QUEUE, np.int64))
 
 
 def forget(cylinder: RecordArray) -> None:
@@ -81,12 +81,17 @@ def sweep_near(scene: Scene, near: Neighbourhood, p: Vec3, w: Vec3) -> Collision
     cylinder = _cylinder(near)
     if not ((holds(cylinder, p) and holds(cylinder, add(p, w))) or _look_around(scene, near, p, w)):
         return sweep(scene, p, w)
-    best = no_collision()
-    for k in range(near.cylinder[0]["count"]):
+    best, count = no_collision(), near.cylinder[0]["count"]
+    k, last = ZERO, count
+    while k < last:
         row = near.rows[k]
-        best = sooner(scene.triangles, row, p, w, scene.radius, scene.eps, best)
-        if best.row == row:  # What stopped this path stops the next one: looked at first, it makes the others cheap.
+        best, later = sooner(scene.triangles, row, p, w, scene.radius, scene.eps, best, k >= count)
+        if later:  # Once more after the list, when the faces have told how much of the path is left for borders.
+            near.rows[last] = row
+            last += 1
+        elif best.row == row and k < count:  # What stopped this path stops the next one, and makes the others cheap.
             near.rows[k], near.rows[0] = near.rows[0], row
+        k += 1
     return best
 
 
@@ -123,9 +128,9 @@ def _look_around(scene: Scene, near: Neighbourhood, p: Vec3, w: Vec3) -> bool:
     record = near.cylinder[0]
     paths = record["paths"]
     way = scale(w, paths)
-    radius = paths * scene.dt * scene.dt * norm(scene.gravity) + 1e-4 * norm(way) + 4.0 * scene.eps
+    radius = 0.52 * paths * scene.dt * scene.dt * norm(scene.gravity) + 1e-4 * norm(way) + 4.0 * scene.eps
     # From a point of the cylinder a ball meets what is within its own radius.
-    reach = 1.5 * radius + scene.radius + 4.0 * scene.eps
+    reach = 1.42 * radius + scene.radius + 4.0 * scene.eps
     if not _list_triangles(scene, near, p, way, reach, FEW if paths > 1.0 else CAPACITY):
         record["length"], record["paths"] = -1.0, max(1.0, 0.5 * paths)
         return False

@@ -20,6 +20,9 @@ from minigolf_env.physics.vec3 import add, along, dot, norm, scale, sub, vec3
 MISS = 1.0
 """The share of the path of a sphere that meets nothing."""
 
+LATER = 2.0
+"""Stands for the share of a path that may end at a triangle's border, which is not looked at yet."""
+
 PARALLEL = 2.0**-47
 """An approach slower than this share of the speed is rounding (some units in the last place), not an approach."""
 
@@ -63,10 +66,13 @@ def _closer(best: float, q: Vec3, candidate: Vec3) -> tuple[float, Vec3]:
 
 
 @kernel
-def sweep_triangle(p: Vec3, w: Vec3, radius: float, eps: float, triangle: np.void, latest: float) -> tuple[float, Vec3]:
+def sweep_triangle(
+    p: Vec3, w: Vec3, radius: float, eps: float, triangle: np.void, latest: float, borders: bool
+) -> tuple[float, Vec3]:
     """Return when a sphere that moves from p to p + w first collides with a TRIANGLE, and the unit normal there.
 
     The time is the share of the path, in [0, 1); ``MISS`` stands for no collision, and for one later than ``latest``.
+    Without ``borders`` it may be ``LATER`` instead: it takes most of the work, which an earlier ``latest`` can spare.
     Colliding is touching (within eps) and approaching so that the rest of the path would end deeper than eps.
     """
     n = vec3(triangle["n"])
@@ -96,6 +102,8 @@ def sweep_triangle(p: Vec3, w: Vec3, radius: float, eps: float, triangle: np.voi
             return t, scale(n, math.copysign(1.0, height))
     if not may_come_near(a, n, u, v, w, t, latest, radius + 2.0 * eps):
         return MISS, n
+    if not borders:
+        return LATER, n
     # An eighth of the tolerance is for rounding: what stays off by this never goes deeper than eps.
     if _stays_off(a, n, u, v, w, t, radius - 0.875 * eps):
         return MISS, n
