@@ -181,7 +181,10 @@ def main(args: Args) -> Arrays:
     except ValueError as error:
         raise SystemExit(str(error)) from None
     folder = args.out or Path("runs") / f"{course.name}-map"
-    claim(args, course, folder)
+    try:
+        claim(args, course, folder)
+    except OSError as error:
+        raise SystemExit(f"out: expected a folder that can be written to: {error}") from None
     play_all(course, args, folder)
     merged = merge(args, course, folder)
     save(folder / "map.npz", merged)

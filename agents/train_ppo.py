@@ -24,15 +24,15 @@ ACTIVATIONS = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU}
 
 
 @dataclass(frozen=True)
-class Args(runs.Run):
-    """The command line. Defaults are what worked best of what was tried."""
+class Settings(runs.Run):
+    """What PPO is told, whoever's it is. Defaults are what worked best of what was tried."""
 
     n_steps: int = 1
     """Putts in each environment between two updates."""
     batch_size: int = 512
     n_epochs: int = 6
     target_kl: float = 0.1
-    """An update ends early when the policy has moved this far."""
+    """How far an update may move the policy: it ends early then (RLlib: a penalty grows and shrinks accordingly)."""
     learning_rate: float = 2e-3
     """At the start; falls linearly to 0."""
     gamma: float = 0.5
@@ -41,9 +41,15 @@ class Args(runs.Run):
     clip_range: float = 0.2
     log_std: tuple[float, float] = (-1.9, -5.0)
     """Log of the noise's standard deviation (shares of the top speed), first and last; see ``Annealing``."""
+    hidden: tuple[int, ...] = (64, 64)
+
+
+@dataclass(frozen=True)
+class Args(Settings):
+    """The command line."""
+
     anneal: bool = True
     """Whether the noise narrows by ``log_std``; else PPO learns it, from the first on."""
-    hidden: tuple[int, ...] = (64, 64)
     activation: Literal["tanh", "relu"] = "tanh"
 
 

@@ -26,6 +26,7 @@ from stable_baselines3.common.logger import configure
 
 from agents import runs
 from agents.cluster import connect, import_ray
+from agents.train_ppo import Settings
 from minigolf_env.courses import load_course
 from minigolf_env.courses.procedural import PROCEDURAL
 from minigolf_env.evaluation import Score
@@ -49,9 +50,10 @@ NAMES = {
 
 
 @dataclass(frozen=True)
-class Args(runs.Run):
-    """The command line. Where RLlib has the same setting, the default is that of train_ppo."""
+class Args(Settings):
+    """The command line."""
 
+    n_steps: int = 4
     address: str | None = None
     """Of a Ray cluster: "auto" on one of its nodes, or HOST:PORT; by default Ray starts on this machine alone. With
     --resume it counts too: the cluster may have moved."""
@@ -61,21 +63,6 @@ class Args(runs.Run):
     """Environments of each of them, played as one batch."""
     num_learners: int = 0
     """Processes that learn, a core each, from equal shares of the putts; 0: this program learns by itself."""
-
-    n_steps: int = 4
-    """Putts in each environment between two updates."""
-    batch_size: int = 512
-    n_epochs: int = 6
-    target_kl: float = 0.1
-    """How far an update should move the policy: RLlib's penalty on it grows and shrinks accordingly."""
-    learning_rate: float = 2e-3
-    """At the start; falls linearly to 0."""
-    gamma: float = 0.5
-    gae_lambda: float = 0.5
-    clip_range: float = 0.2
-    log_std: tuple[float, float] = (-1.9, -5.0)
-    """Log of the noise's standard deviation (shares of the top speed), first and last; see train_ppo.Annealing."""
-    hidden: tuple[int, ...] = (64, 64)
 
     @property
     def environment(self) -> dict[str, Any]:

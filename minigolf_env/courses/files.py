@@ -26,6 +26,9 @@ SCHEMA = Path(__file__).parent / "data" / "course.schema.json"
 PLAIN = re.compile(r"[\w-]+")
 """A key that is written as it is; in others there may be anything, a terminal's commands too."""
 
+DOT = re.compile(r"\.[ \t]*(?=[\w\"'-])")
+"""A dot that parts a key; a row of dots in a comment is none."""
+
 MOST_DOTS = 100
 """Dots in a key; descriptions need two."""
 
@@ -188,7 +191,7 @@ def schema() -> str:
 
 def _check_keys(text: str) -> None:
     """Raise a ValueError for keys of very many parts: tomllib's time and memory grow with the square of them."""
-    parts = max(piece.count(".") for piece in re.split(r"[=,\[\]{}\n#]", text))
+    parts = max(len(DOT.findall(piece)) for piece in re.split(r"[=,\[\]{}\n#]", text))
     if parts > MOST_DOTS:
         raise ValueError(f"a key of more than {MOST_DOTS} parts")
 

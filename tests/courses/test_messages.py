@@ -99,7 +99,9 @@ def test_keys_of_many_parts_are_refused_before_they_cost_time() -> None:
     """As many dots as are allowed are read, and then unknown."""
     assert "unknown key" in message_of("a" + ".a" * MOST_DOTS + " = 1")
     assert f"a key of more than {MOST_DOTS} parts" in message_of("a" + ".a" * (MOST_DOTS + 1) + " = 1")
-    assert "unknown key" in message_of("a = { " + "b" + ".b" * MOST_DOTS + " = 1 }\n# " + "." * MOST_DOTS)
+    assert "unknown key" in message_of("a = { " + "b" + ".b" * MOST_DOTS + " = 1 }\n# " + "." * 1_000)
+    for dot in (" . ", "\t.\t", '."a".', ".'a'."):
+        assert f"more than {MOST_DOTS} parts" in message_of("a" + f"{dot}a" * (MOST_DOTS + 1) + " = 1"), dot
 
 
 def test_files_that_cannot_be_read_are_named(tmp_path: Path) -> None:

@@ -86,7 +86,9 @@ def test_a_course_that_has_changed_is_not_mixed_in(what: str, tmp_path: Path) ->
         putt_map.claim(args, dataclasses.replace(course, **changes[what]), tmp_path)
 
 
-@pytest.mark.parametrize("mistake", [{"tee": (3.3, 1.5)}, {"course": "dogle"}, {"speeds": 0}], ids=str)
+@pytest.mark.parametrize(
+    "mistake", [{"tee": (3.3, 1.5)}, {"course": "dogle"}, {"speeds": 0}, {"out": Path("/dev/null/map")}], ids=str
+)
 def test_a_users_mistake_ends_with_one_line(args: putt_map.Args, mistake: dict[str, Any]) -> None:
     """Before anything is sent to the cluster."""
     with pytest.raises(SystemExit, match="expected"):
