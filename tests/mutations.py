@@ -71,8 +71,8 @@ MUTATIONS = [
             Mutation(
                 "",
                 "neighbourhood.py",
-                "        k += 1\n    return best",
-                "        k += 1\n    return best if dot(w, best.normal) < 0.0 else no_collision()",
+                "= best.row\n    return best",
+                "= best.row\n    return best if dot(w, best.normal) < 0.0 else no_collision()",
             ),
         ),
     ),
@@ -178,15 +178,8 @@ MUTATIONS = [
     Mutation(
         "a full list", "neighbourhood.py", "            return False\n        for i", "            break\n        for i"
     ),
-    Mutation(
-        "a list that loses its first",
-        "neighbourhood.py",
-        "near.rows[k], near.rows[0] = near.rows[0], row",
-        "near.rows[0] = row",
-    ),
-    Mutation(
-        "a list that keeps what comes later", "neighbourhood.py", "best.row == row and k < count", "best.row == row"
-    ),
+    Mutation("a list for half of the path", "neighbourhood.py", "w, 0.0, 1.0,", "w, 0.0, 0.5,"),
+    Mutation("a list of one normal", "neighbourhood.py", 'put(listed["n"], k,', 'put(listed["n"], 0,'),
     Mutation("borders that never come later", "neighbourhood.py", "            last += 1\n", "            pass\n"),
     Mutation(
         "a rattling ball is held from one side",

@@ -18,7 +18,7 @@ from minigolf_env.physics.kernel import entry_kernel, kernel
 from minigolf_env.physics.sweep import Collision, no_collision, sooner, sweep
 from minigolf_env.physics.swept_sphere import may_come_near
 from minigolf_env.physics.types import ZERO, RecordArray, Scene, Vec3
-from minigolf_env.physics.vec3 import add, along, dot, norm, scale, store, sub, vec3
+from minigolf_env.physics.vec3 import add, along, column, dot, norm, put, scale, store, sub, vec3
 
 CAPACITY = 64
 """Triangles in the list of one path: more cost more than walking through the tree once for each of its pieces."""
@@ -36,11 +36,20 @@ CYLINDER = np.dtype(
     [
         *((name, "f8", (3,)) for name in ("foot", "axis")),
         *((name, "f8") for name in ("length", "radius2", "paths")),
-        ("count", "i8"),
+        *((name, "i8") for name in ("count", "met")),
     ]
 )
 """The middle of an end, the unit vector to the other end, the length (m; negative while there is no cylinder) and the
-squared radius (m^2); how many paths the next one should hold; the number of triangles in the list."""
+squared radius (m^2); how many paths the next one should hold; the number of triangles in the list, and the row of the
+one that was met last."""
+
+LIST = np.dtype(
+    [
+        *((name, "f8", (3, CAPACITY + LEAF)) for name in ("a", "n", "u", "v")),
+        *((name, "i8", (CAPACITY + LEAF,)) for name in ("row", "near")),
+    ]
+)
+"""A column for each triangle of the list: what ``may_come_near`` asks of it, its row in the scene, and the answer."""
 
 
 class Cylinder(NamedTuple):
@@ -57,22 +66,22 @@ class Neighbourhood(NamedTuple):
 
     cylinder: RecordArray
     """(1,) of CYLINDER."""
-    rows: NDArray[np.int64]
-    """(2 (CAPACITY + LEAF),): the triangles' rows in the scene, and those a sweep looks at twice."""
+    listed: RecordArray
+    """(1,) of LIST."""
     queue: NDArray[np.int64]
-    """(QUEUE,): the nodes to look into, during a search."""
+    """(QUEUE,): the nodes to look into, during a search; the triangles to look at, during a sweep."""
 
 
 def no_neighbourhood() -> Neighbourhood:
     """Return scratch memory for one thread, which holds no place yet."""
     cylinder = np.zeros(1, CYLINDER)
     forget(cylinder)
-    return Neighbourhood(cylinder, np.zeros(2 * (CAPACITY + LEAF), np.int64), np.zeros(QUEUE, np.int64))
+    return Neighbourhood(cylinder, np.zeros(1, LIST), np.zeros(QUEUE, np.int64))
 
 
 def forget(cylinder: RecordArray) -> None:
     """Let scratch memory hold no place, as it must before it is used in another scene."""
-    cylinder["length"], cylinder["paths"] = -1.0, FURTHEST
+    cylinder["length"], cylinder["paths"], cylinder["met"] = -1.0, FURTHEST, 0
 
 
 @entry_kernel
@@ -81,17 +90,23 @@ def sweep_near(scene: Scene, near: Neighbourhood, p: Vec3, w: Vec3) -> Collision
     cylinder = _cylinder(near)
     if not ((holds(cylinder, p) and holds(cylinder, add(p, w))) or _look_around(scene, near, p, w)):
         return sweep(scene, p, w)
-    best, count = no_collision(), near.cylinder[0]["count"]
-    k, last = ZERO, count
+    listed, queue, count = near.listed[0], near.queue, near.cylinder[0]["count"]
+    for k in range(count):  # Vector instructions: nothing branches.
+        a, n, u, v = column(listed["a"], k), column(listed["n"], k), column(listed["u"], k), column(listed["v"], k)
+        listed["near"][k] = may_come_near(sub(a, p), n, u, v, w, 0.0, 1.0, scene.radius + 2.0 * scene.eps)
+    faces = ZERO
+    for k in range(count):
+        queue[faces] = listed["row"][k]
+        faces += listed["near"][k]
+    best, k, last = no_collision(), ZERO, faces
     while k < last:
-        row = near.rows[k]
-        best, later = sooner(scene.triangles, row, p, w, scene.radius, scene.eps, best, k >= count)
-        if later:  # Once more after the list, when the faces have told how much of the path is left for borders.
-            near.rows[last] = row
+        best, later = sooner(scene.triangles, queue[k], p, w, scene.radius, scene.eps, best, k >= faces)
+        if later:  # Once more, when the faces have told how much of the path is left for borders.
+            queue[last] = queue[k]
             last += 1
-        elif best.row == row and k < count:  # What stopped this path stops the next one, and makes the others cheap.
-            near.rows[k], near.rows[0] = near.rows[0], row
         k += 1
+    if best.row >= 0:
+        near.cylinder[0]["met"] = best.row
     return best
 
 
@@ -156,7 +171,7 @@ def _list_triangles(scene: Scene, near: Neighbourhood, p: Vec3, w: Vec3, reach: 
 
     The tree is searched breadth first: the processor can look at several boxes at a time, as none waits for another.
     """
-    nodes, triangles, queue, rows = scene.nodes, scene.triangles, near.queue, near.rows
+    nodes, triangles, queue, listed = scene.nodes, scene.triangles, near.queue, near.listed[0]
     half = scale(w, 0.5)
     middle = add(p, half)
     queue[0], waiting, done, count = 0, ZERO + 1, ZERO, ZERO
@@ -166,7 +181,7 @@ def _list_triangles(scene: Scene, near: Neighbourhood, p: Vec3, w: Vec3, reach: 
         if waiting + 2 > len(queue):
             return False
         for i in range(first, first + size):
-            rows[count] = i
+            listed["row"][count] = i
             count += int(_is_near(triangles[i], middle, half, reach))
         if count > most:
             return False
@@ -178,6 +193,12 @@ def _list_triangles(scene: Scene, near: Neighbourhood, p: Vec3, w: Vec3, reach: 
             queue[waiting] = right
             waiting += int(is_on_path(nodes, right, middle, half, reach))
         done += 1
+    for k in range(count):
+        triangle = triangles[listed["row"][k]]
+        put(listed["a"], k, vec3(triangle["a"]))
+        put(listed["n"], k, vec3(triangle["n"]))
+        put(listed["u"], k, vec3(triangle["u"]))
+        put(listed["v"], k, vec3(triangle["v"]))
     near.cylinder[0]["count"] = count
     return True
 

@@ -224,7 +224,7 @@ def _walk(
             break
         ball = step(scene, scratch, p, v, log, bounces, steps * scene.dt)
         smooth = smooth + 1 if ball.sub_steps == 2 and ball.bounces == bounces and is_short(near) else ZERO
-        lane["ground"][k] = near.rows[0]
+        lane["ground"][k] = near.cylinder[0]["met"]
         p, v, bounces, exhausted, steps = ball.p, ball.v, ball.bounces, exhausted + int(ball.exhausted), steps + 1
         _trace(path, steps, p, ball.sub_steps)
         if ball.resting:

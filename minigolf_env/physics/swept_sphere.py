@@ -144,12 +144,10 @@ def may_come_near(a: Vec3, n: Vec3, u: Vec3, v: Vec3, w: Vec3, t: float, end: fl
     x_end, y_end = end * dot(w, u) - dot(a, u), end * dot(w, v) - dot(a, v)
     beyond_x, beyond_y, beyond_z = max(x, x_end), max(y, y_end), max(1.0 - x - y, 1.0 - x_end - y_end)
     uv = add(u, v)
-    return not (
-        room < 0.0
-        or (beyond_x < 0.0 and beyond_x * beyond_x > room * dot(u, u))
-        or (beyond_y < 0.0 and beyond_y * beyond_y > room * dot(v, v))
-        or (beyond_z < 0.0 and beyond_z * beyond_z > room * dot(uv, uv))
-    )
+    off = (beyond_x < 0.0) & (beyond_x * beyond_x > room * dot(u, u))
+    off |= (beyond_y < 0.0) & (beyond_y * beyond_y > room * dot(v, v))
+    off |= (beyond_z < 0.0) & (beyond_z * beyond_z > room * dot(uv, uv))
+    return not (off | (room < 0.0))
 
 
 @kernel
