@@ -41,8 +41,8 @@ LOOK = 120
 class Args:
     """The command line."""
 
-    putts: int = 200
-    """Putts of minigolf_env a round."""
+    putts: int = 1000
+    """Putts of minigolf_env a round, a batch: the last of them leave lanes empty."""
     balls: int = 64
     """Balls of a batch in one world of a peer."""
     sweeps: int = 20_000

@@ -170,7 +170,7 @@ MUTATIONS = [
     Mutation("a box without reach", "bvh.py", "ex, ey, ez = box.x + reach,", "ex, ey, ez = box.x,"),
     Mutation("a stale neighbourhood", "neighbourhood.py", HOLDS, "cylinder.length >= 0.0"),
     Mutation("a neighbourhood of the start", "neighbourhood.py", HOLDS, "holds(cylinder, p)"),
-    Mutation("a neighbourhood of the centre", "neighbourhood.py", "1.42 * radius + scene.radius +", "1.42 * radius +"),
+    Mutation("a neighbourhood of the centre", "neighbourhood.py", "1.42 * radius + scene.radius", "1.42 * radius"),
     Mutation(
         "a neighbourhood of the path alone", "neighbourhood.py", "1.42 * radius + scene.radius +", "scene.radius +"
     ),
@@ -180,6 +180,7 @@ MUTATIONS = [
     ),
     Mutation("a list for half of the path", "neighbourhood.py", "w, 0.0, 1.0,", "w, 0.0, 0.5,"),
     Mutation("a list of one normal", "neighbourhood.py", 'put(listed["n"], k,', 'put(listed["n"], 0,'),
+    Mutation("no triangle is met last", "neighbourhood.py", "if best.row >= 0:", "if best.row < -1:"),
     Mutation("borders that never come later", "neighbourhood.py", "            last += 1\n", "            pass\n"),
     Mutation(
         "a rattling ball is held from one side",
@@ -192,7 +193,7 @@ MUTATIONS = [
     Mutation("a lane on a floor with a back", "lanes.py", 'if not triangle["one_sided"]', "if False"),
     Mutation("a lane through walls", "lanes.py", "free = min(free, _clear_until(", "_ = (free, _clear_until("),
     Mutation("a lane that turns towards them", "lanes.py", "side * climb)", "-side * climb)"),
-    Mutation("a lane as wide as its cylinder", "lanes.py", "1.42 * radius + scene.radius +", "1.42 * radius +"),
+    Mutation("a lane as wide as its cylinder", "lanes.py", "reach_around(scene, radius)", "radius"),
     Mutation("a lane without ground", "lanes.py", "stands, free = False, 1.0", "stands, free = True, 1.0"),
     Mutation(
         "a lane without an end",
@@ -210,12 +211,8 @@ MUTATIONS = [
         also=(Mutation("", "lanes.py", "(gap + dot(way, n) >= -TOUCHES * eps)", "(gap < 1.0)"),),
     ),
     Mutation("a lane without touch", "lanes.py", "climb <= -16.0 * eps", "climb <= math.inf"),
-    Mutation("a lane for balls that bounce", "lanes.py", '* approach <= lane["press"][i]', "* approach <= math.inf"),
     Mutation(
-        "a lane with the other response",
-        "lanes.py",
-        "math.sqrt(rising * rising) if scene.conservative else -dot(average, n)",
-        "-dot(average, n)",
+        "a lane for balls that bounce", "lanes.py", 'dot(average, n) <= lane["press"][i]', "dot(average, n) <= math.inf"
     ),
     Mutation("a lane that is always sunk into", "lanes.py", "choose(sinking < 0.0,", "choose(sinking < math.inf,"),
     Mutation(

@@ -21,7 +21,7 @@ import numpy as np
 from minigolf_env.physics.bvh import next_leaf_on_path, octant
 from minigolf_env.physics.contact import GRAZE, ROUNDING, brake, hold, pressing, project, rolling_resistance
 from minigolf_env.physics.kernel import entry_kernel, kernel
-from minigolf_env.physics.neighbourhood import Cylinder, around, holds
+from minigolf_env.physics.neighbourhood import Cylinder, around, holds, reach_around
 from minigolf_env.physics.types import ZERO, FloatArray, RecordArray, Scene, Vec3
 from minigolf_env.physics.vec3 import add, along, choose, column, dot, norm, put, scale, sub, vec3
 
@@ -85,15 +85,14 @@ def enter(scene: Scene, contacts: FloatArray, lanes: RecordArray, i: int, p: Vec
 def _look_ahead(scene: Scene, p: Vec3, v: Vec3, pull: Vec3, ground: int) -> tuple[bool, Cylinder]:
     """Return whether a ball at p, that rolls at velocity v, has level ground under and before it, and up to where.
 
-    The cylinder is as wide as gravity dips a path, and as the ``pull`` along the ground bends the way.
+    The cylinder is wide enough for what gravity dips a path, and for how the ``pull`` along the ground bends the way.
     """
     time = AHEAD * scene.dt
     if norm(pull) * time * time > scene.radius:
         time = math.sqrt(scene.radius / norm(pull))
     w = scale(v, time)
     radius = scene.dt * scene.dt * norm(scene.gravity) + 0.5 * norm(pull) * time * time + 4.0 * scene.eps
-    # A point of the cylinder is at most 1.42 radii from the path; from there a ball meets what is within its own.
-    reach = 1.42 * radius + scene.radius + 4.0 * scene.eps
+    reach = reach_around(scene, radius)
     stands, free = False, 1.0
     o = octant(w)
     leaf = next_leaf_on_path(scene.nodes, o, ZERO, p, w, reach)
@@ -169,10 +168,9 @@ def roll(scene: Scene, lanes: RecordArray, count: int) -> int:
         on = holds(cylinder, p) & holds(cylinder, add(p, path)) & (abs(gap) <= TOUCHES * eps)
         on &= (climb <= -16.0 * eps) & (climb * climb * radius >= 128.0 * eps * dot(path, path))
 
-        # the contact lasts, which it does if it only grazes;
+        # the contact lasts: for certain if the seed's approach is too slow, as the conservative one is slower;
         rising = dot(v, n)
-        approach = math.sqrt(rising * rising) if scene.conservative else -dot(average, n)
-        on &= lane["restitution"][i] * approach <= lane["press"][i]
+        on &= -lane["restitution"][i] * dot(average, n) <= lane["press"][i]
         sunk = along(v, -max(0.0, rising), n)
         sinking = dot(sunk, n)
         w = choose(sinking < 0.0, along(sunk, -sinking, n), sunk)

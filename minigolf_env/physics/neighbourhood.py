@@ -26,8 +26,8 @@ CAPACITY = 64
 FEW = 24
 """Triangles in the list of several paths: more cost more than a list for each."""
 
-QUEUE = 256
-"""Nodes that a search for triangles may look into: with more, there are too many triangles too."""
+QUEUE = 4 * CAPACITY
+"""Nodes that a search for triangles may look into: with more, there are too many triangles too. A sweep needs half."""
 
 FURTHEST = 8.0
 """Paths like the present one that a neighbourhood holds at most: longer ones meet too much that is not on the way."""
@@ -41,12 +41,12 @@ CYLINDER = np.dtype(
 )
 """The middle of an end, the unit vector to the other end, the length (m; negative while there is no cylinder) and the
 squared radius (m^2); how many paths the next one should hold; the number of triangles in the list, and the row of the
-one that was met last."""
+one that a list's sweep met last, 0 at first."""
 
 LIST = np.dtype(
     [
         *((name, "f8", (3, CAPACITY + LEAF)) for name in ("a", "n", "u", "v")),
-        *((name, "i8", (CAPACITY + LEAF,)) for name in ("row", "near")),
+        *((name, "i8", (CAPACITY + LEAF,)) for name in ("row", "maybe")),
     ]
 )
 """A column for each triangle of the list: what ``may_come_near`` asks of it, its row in the scene, and the answer."""
@@ -91,16 +91,17 @@ def sweep_near(scene: Scene, near: Neighbourhood, p: Vec3, w: Vec3) -> Collision
     if not ((holds(cylinder, p) and holds(cylinder, add(p, w))) or _look_around(scene, near, p, w)):
         return sweep(scene, p, w)
     listed, queue, count = near.listed[0], near.queue, near.cylinder[0]["count"]
-    for k in range(count):  # Vector instructions: nothing branches.
-        a, n, u, v = column(listed["a"], k), column(listed["n"], k), column(listed["u"], k), column(listed["v"], k)
-        listed["near"][k] = may_come_near(sub(a, p), n, u, v, w, 0.0, 1.0, scene.radius + 2.0 * scene.eps)
-    faces = ZERO
+    # In vector instructions, as nothing branches: whatever the path comes near to, by more than rounding.
     for k in range(count):
-        queue[faces] = listed["row"][k]
-        faces += listed["near"][k]
-    best, k, last = no_collision(), ZERO, faces
+        a, n, u, v = column(listed["a"], k), column(listed["n"], k), column(listed["u"], k), column(listed["v"], k)
+        listed["maybe"][k] = may_come_near(sub(a, p), n, u, v, w, 0.0, 1.0, scene.radius + 2.0 * scene.eps)
+    first = ZERO
+    for k in range(count):
+        queue[first] = listed["row"][k]
+        first += listed["maybe"][k]
+    best, k, last = no_collision(), ZERO, first
     while k < last:
-        best, later = sooner(scene.triangles, queue[k], p, w, scene.radius, scene.eps, best, k >= faces)
+        best, later = sooner(scene.triangles, queue[k], p, w, scene.radius, scene.eps, best, k >= first)
         if later:  # Once more, when the faces have told how much of the path is left for borders.
             queue[last] = queue[k]
             last += 1
@@ -134,6 +135,12 @@ def around(p: Vec3, w: Vec3, radius: float) -> Cylinder:
 
 
 @kernel
+def reach_around(scene: Scene, radius: float) -> float:
+    """Return how near to a path a triangle is that a ball can meet from within the path's cylinder, m."""
+    return 1.42 * radius + scene.radius + 4.0 * scene.eps
+
+
+@kernel
 def _look_around(scene: Scene, near: Neighbourhood, p: Vec3, w: Vec3) -> bool:
     """Make a neighbourhood for the path from p to p + w and those after it; return whether there is room for it.
 
@@ -144,9 +151,7 @@ def _look_around(scene: Scene, near: Neighbourhood, p: Vec3, w: Vec3) -> bool:
     paths = record["paths"]
     way = scale(w, paths)
     radius = 0.52 * paths * scene.dt * scene.dt * norm(scene.gravity) + 1e-4 * norm(way) + 4.0 * scene.eps
-    # From a point of the cylinder a ball meets what is within its own radius.
-    reach = 1.42 * radius + scene.radius + 4.0 * scene.eps
-    if not _list_triangles(scene, near, p, way, reach, FEW if paths > 1.0 else CAPACITY):
+    if not _list_triangles(scene, near, p, way, reach_around(scene, radius), FEW if paths > 1.0 else CAPACITY):
         record["length"], record["paths"] = -1.0, max(1.0, 0.5 * paths)
         return False
     cylinder = around(p, way, radius)

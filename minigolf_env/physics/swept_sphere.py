@@ -72,7 +72,7 @@ def sweep_triangle(
     """Return when a sphere that moves from p to p + w first collides with a TRIANGLE, and the unit normal there.
 
     The time is the share of the path, in [0, 1); ``MISS`` stands for no collision, and for one later than ``latest``.
-    Without ``borders`` it may be ``LATER`` instead: it takes most of the work, which an earlier ``latest`` can spare.
+    Without ``borders`` it may be ``LATER`` instead: they are most of the work, and an earlier ``latest`` may spare it.
     Colliding is touching (within eps) and approaching so that the rest of the path would end deeper than eps.
     """
     n = vec3(triangle["n"])
@@ -136,6 +136,7 @@ def may_come_near(a: Vec3, n: Vec3, u: Vec3, v: Vec3, w: Vec3, t: float, end: fl
     """Return whether the centre may be within ``reach`` of a triangle between two times: false only if it never is.
 
     Cheaper than a distance: the height above the plane, and how far the centre's foot stays beyond one of the edges.
+    Without a branch, for loops of vector instructions.
     """
     height, height_end = dot(a, n) - t * dot(w, n), dot(a, n) - end * dot(w, n)
     lowest = min(abs(height), abs(height_end)) if height * height_end > 0.0 else 0.0

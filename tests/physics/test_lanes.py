@@ -8,8 +8,8 @@ from trimesh.remesh import subdivide
 
 from minigolf_env.physics import Surface, TriangleMesh, World
 from minigolf_env.physics.lanes import AHEAD, LANES, enter, roll
-from minigolf_env.physics.simulate import Scratch, new_scratch, step
-from minigolf_env.physics.types import Status, Vec3
+from minigolf_env.physics.simulate import Balls, Scratch, new_scratch, simulate_range, step
+from minigolf_env.physics.types import RESULT, Status, Vec3
 from tests.physics.scenes import BALL, Body, FloatArray, box, inwards, random_surface, rotation, sphere
 
 NO_LOG = np.empty((0, 8))
@@ -182,6 +182,19 @@ def test_no_ground_no_lane() -> None:
     [row] = rows_under(world, np.array([-1.0, 0.1, BALL]))
     for x, there in ((-1.0, True), (3.0 * BALL, False), (1.0, False)):
         assert enters(world, [x, 0.1, BALL], 1.0, row) == there
+
+
+def test_balls_on_level_ground_find_a_lane() -> None:
+    """From a batch's own first steps; bits do not tell whether they did, only the time it takes."""
+    floor = inwards(box([-1.0, -1.0, 0.0], [1.0, 1.0, 1.0]))
+    world = World([TriangleMesh(*floor, Surface(rolling=0.1))], ball_radius=BALL)
+    scratch, count = new_scratch(), LANES
+    angles = np.linspace(0.1, 6.0, count)
+    velocities = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(count)])
+    balls = Balls(np.tile([0.1, 0.2, BALL], (count, 1)), velocities, np.zeros(count, RESULT))
+    simulate_range(0, count, world.scene, scratch, 20, balls, np.empty((0, 4)), NO_LOG)
+    assert (scratch.lanes["length"] > 0.0).all()
+    assert (world.scene.triangles["a"][scratch.lanes["ground"][0], 2] == 0.0).all()
 
 
 def test_a_lane_ends_at_the_bounds() -> None:
