@@ -46,9 +46,18 @@ def kernel(function: Function) -> Function:
 
 def entry_kernel(function: Function) -> Function:
     """Compile a function as ``kernel`` does, for Python to call."""
+    return _callable(function)
+
+
+def merged_kernel(function: Function) -> Function:
+    """Merge a function into the source of its only caller, so that it is compiled once; Python may call it, too."""
+    return _callable(function, inline="always")
+
+
+def _callable(function: Function, **options: Any) -> Function:
     if numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
         return np.errstate(all="ignore")(function)  # Kernels divide by zero, too, where Python would warn of it.
-    return _compile(function)
+    return _compile(function, **options)
 
 
 def _compile(function: Function, **options: Any) -> Function:

@@ -19,7 +19,7 @@ from minigolf_env.physics.contact import (
     stop,
     surface_of,
 )
-from minigolf_env.physics.kernel import entry_kernel, kernel
+from minigolf_env.physics.kernel import entry_kernel, kernel, merged_kernel
 from minigolf_env.physics.lanes import LANE, LANES, enter, roll
 from minigolf_env.physics.neighbourhood import Neighbourhood, is_short, no_neighbourhood, sweep_near
 from minigolf_env.physics.sweep import distance, is_near, sweep
@@ -80,7 +80,7 @@ class Moved(NamedTuple):
     sub_steps: int
 
 
-@entry_kernel
+@merged_kernel
 def step(scene: Scene, scratch: Scratch, p: Vec3, v: Vec3, log: FloatArray, bounces: int, clock: float) -> Moved:
     """Move the ball by one dt: the seed's algorithm, with lasting contacts.
 
@@ -203,7 +203,7 @@ def simulate_range(
                 break
 
 
-@kernel
+@merged_kernel
 def _walk(
     scene: Scene, scratch: Scratch, k: int, i: int, max_steps: int, balls: Balls, path: FloatArray, log: FloatArray
 ) -> bool:

@@ -9,7 +9,7 @@ import numpy as np
 from minigolf_env.physics.bvh import nearest_leaf, next_leaf_on_path, next_leaf_within, octant
 from minigolf_env.physics.kernel import entry_kernel, kernel
 from minigolf_env.physics.swept_sphere import LATER, MISS, offset, sweep_triangle
-from minigolf_env.physics.types import ZERO, RecordArray, Scene, Vec3
+from minigolf_env.physics.types import TRUE, ZERO, RecordArray, Scene, Vec3
 from minigolf_env.physics.vec3 import dot, norm, scale
 
 
@@ -69,7 +69,7 @@ def sweep_leaf(scene: Scene, leaf: int, p: Vec3, w: Vec3, best: Collision) -> Co
     """Return the first collision with the triangles of a leaf if it counts before ``best``."""
     node = scene.nodes[leaf]
     for i in range(node["first"], node["first"] + node["size"]):
-        best, _ = sooner(scene.triangles, i, p, w, scene.radius, scene.eps, best, True)
+        best, _ = sooner(scene.triangles, i, p, w, scene.radius, scene.eps, best, TRUE)
     return best
 
 
@@ -78,7 +78,7 @@ def sweep_scan(triangles: RecordArray, p: Vec3, w: Vec3, radius: float, eps: flo
     """Return the first collision with any of the triangles, by looking at every one: the definition."""
     best = no_collision()
     for i in range(len(triangles)):
-        best, _ = sooner(triangles, i, p, w, radius, eps, best, True)
+        best, _ = sooner(triangles, i, p, w, radius, eps, best, TRUE)
     return best
 
 

@@ -24,6 +24,9 @@ TOLERANCE = 5e-13
 ZERO = cast(int, np.int64(0))
 """Where the kernels' counters start: to numba a plain 0 is a type of its own, for which it compiles callees again."""
 
+TRUE = cast(bool, np.bool_(True))
+"""As ``ZERO`` is."""
+
 
 class Vec3(NamedTuple):
     """A vector of the kernels: three floats in registers, an order of magnitude faster than a 3-element array."""
