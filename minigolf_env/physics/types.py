@@ -25,7 +25,7 @@ ZERO = cast(int, np.int64(0))
 """Where the kernels' counters start: to numba a plain 0 is a type of its own, for which it compiles callees again."""
 
 TRUE = cast(bool, np.bool_(True))
-"""As ``ZERO`` is."""
+"""What kernels tell kernels in place of a plain True, which to numba is a type of its own, too."""
 
 
 class Vec3(NamedTuple):
