@@ -50,6 +50,8 @@ class Args(Settings):
 
     anneal: bool = True
     """Whether the noise narrows by ``log_std``; else PPO learns it, from the first on."""
+    ent_coef: float = 0.0
+    """What a unit of the noise's entropy is worth, where PPO learns the noise."""
     activation: Literal["tanh", "relu"] = "tanh"
 
 
@@ -93,6 +95,7 @@ def build(args: Args, envs: VecMonitor, policy: str = "MlpPolicy", **policy_kwar
         gamma=args.gamma,
         gae_lambda=args.gae_lambda,
         clip_range=args.clip_range,
+        ent_coef=args.ent_coef,
         policy_kwargs={
             "net_arch": list(args.hidden),
             "activation_fn": ACTIVATIONS[args.activation],

@@ -28,6 +28,8 @@ ROOT = Path(__file__).parents[1]
 VARIANTS = {
     "default": "",
     "noise is learned": "--no-anneal",
+    "noise is learned, entropy bonus 0.003": "--no-anneal --ent-coef 0.003",
+    "noise is learned, entropy bonus 0.01": "--no-anneal --ent-coef 0.01",
     "noise is learned, discount 0.9": "--no-anneal --gamma 0.9",
     "discount 0.9": "--gamma 0.9",
     "reward -1 a stroke": "--reward strokes",
