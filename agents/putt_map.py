@@ -102,6 +102,7 @@ def claim(args: Args, course: Course, folder: Path) -> None:
 
     Raises:
         SystemExit: it is not.
+        OSError: it cannot be made.
     """
     mine, note = describe(args, course), folder / "putts.json"
     if note.is_file():
@@ -110,7 +111,6 @@ def claim(args: Args, course: Course, folder: Path) -> None:
         if other:
             raise SystemExit(f"out: {folder} holds putts with another {', '.join(other)}; choose another folder.")
     else:
-        folder.mkdir(parents=True, exist_ok=True)
         write_text(note, json.dumps(mine, indent=2))
 
 
@@ -184,7 +184,7 @@ def main(args: Args) -> Arrays:
     try:
         claim(args, course, folder)
     except OSError as error:
-        raise SystemExit(f"out: expected a folder that can be written to: {error}") from None
+        raise SystemExit(f"out: expected a folder to write to, received {error}") from None
     play_all(course, args, folder)
     merged = merge(args, course, folder)
     save(folder / "map.npz", merged)

@@ -169,7 +169,7 @@ def test_another_numba_falls_back_to_its_own_cache(toy: Path) -> None:
 @pytest.mark.skipif(bool(os.environ.get("NUMBA_DISABLE_JIT")), reason="nothing is compiled")
 def test_every_kernel_says_itself_that_it_is_inlined() -> None:
     """Else it takes after the first caller to be compiled, and the speed of a step after what was asked first."""
-    kinds = kernel.kernel, kernel.entry_kernel
+    kinds = kernel.kernel, kernel.entry_kernel, kernel.merged_kernel
     assert all(kind(lambda x: x).targetoptions["forceinline"] for kind in kinds)  # type: ignore[attr-defined]
 
 
