@@ -164,10 +164,13 @@ MUTATIONS = [
         "        if not approaches(-abs(wn), w):\n            return MISS, n\n",
         "",
     ),
-    Mutation(
-        "a direction without reach", "bvh.py", "free > 0.0 and free * free > reach * reach * distance2", "free > 0.0"
-    ),
+    Mutation("a direction without reach", "bvh.py", " & (free * free > reach * reach * distance2)", ""),
     Mutation("a box without reach", "bvh.py", "ex, ey, ez = box.x + reach,", "ex, ey, ez = box.x,"),
+    Mutation("a leaf without its last triangle", "bvh.py", "-inside % WIDTH", "-inside % WIDTH - 1"),
+    Mutation(
+        "a walk that leaves a box out", "bvh.py", 'record["waiting"] = end', 'record["waiting"] = max(first, end - 1)'
+    ),
+    Mutation("a walk to what is furthest", "bvh.py", "[place - 1]] > order[k]", "[place - 1]] < order[k]"),
     Mutation("a stale neighbourhood", "neighbourhood.py", HOLDS, "cylinder.length >= 0.0"),
     Mutation("a neighbourhood of the start", "neighbourhood.py", HOLDS, "holds(cylinder, p)"),
     Mutation("a neighbourhood of the centre", "neighbourhood.py", "1.42 * radius + scene.radius", "1.42 * radius"),
@@ -175,8 +178,12 @@ MUTATIONS = [
         "a neighbourhood of the path alone", "neighbourhood.py", "1.42 * radius + scene.radius +", "scene.radius +"
     ),
     Mutation("a neighbourhood of one path", "neighbourhood.py", "near, p, way, reach", "near, p, w, reach"),
+    Mutation("a full list", "neighbourhood.py", "        return False\n    _read", "        count = most\n    _read"),
     Mutation(
-        "a full list", "neighbourhood.py", "            return False\n        for i", "            break\n        for i"
+        "a full search for a list",
+        "neighbourhood.py",
+        "                return False\n            for",
+        "                break\n            for",
     ),
     Mutation("a list for half of the path", "neighbourhood.py", "w, 0.0, 1.0,", "w, 0.0, 0.5,"),
     Mutation("a list of one normal", "neighbourhood.py", 'put(listed["n"], k,', 'put(listed["n"], 0,'),

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minigolf_env.physics import simulate as kernels
+from minigolf_env.physics.bvh import new_walk
 from minigolf_env.physics.kernel import announced_compilation
 from minigolf_env.physics.neighbourhood import forget
 from minigolf_env.physics.parallel import in_parallel
@@ -51,8 +52,9 @@ def sweep_rows(
     alphas, normals, triangles = np.empty(n), np.empty((n, 3)), np.empty(n, np.int64)
 
     def run(first: int, last: int) -> None:
+        walk = new_walk()
         for a, b, scene in _spans(scenes, n, first, last):
-            kernels.sweep_range(a, b, scene, starts, paths, alphas, normals, triangles)
+            kernels.sweep_range(a, b, scene, walk, starts, paths, alphas, normals, triangles)
 
     with announced_compilation("sweep_batch"):
         in_parallel(run, n)
@@ -86,7 +88,7 @@ def check_clear(scenes: Sequence[Scene], p: FloatArray, scales: float | FloatArr
 
 
 def _ask(
-    kernel: Callable[[int, int, Scene, FloatArray, Any], None],
+    kernel: Callable[[int, int, Scene, RecordArray, FloatArray, Any], None],
     scenes: Sequence[Scene],
     positions: FloatArray,
     answers: NDArray[Any],
@@ -94,8 +96,9 @@ def _ask(
     """Let a kernel write an answer for each ball at positions (N, 3)."""
 
     def run(first: int, last: int) -> None:
+        walk = new_walk()
         for a, b, scene in _spans(scenes, len(positions), first, last):
-            kernel(a, b, scene, positions, answers)
+            kernel(a, b, scene, walk, positions, answers)
 
     with announced_compilation("clearance"):
         if len(positions) <= FEW:

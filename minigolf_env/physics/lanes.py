@@ -18,7 +18,7 @@ import math
 
 import numpy as np
 
-from minigolf_env.physics.bvh import next_leaf_on_path, octant
+from minigolf_env.physics.bvh import begin, next_leaf_on_path
 from minigolf_env.physics.contact import GRAZE, ROUNDING, brake, hold, pressing, project, rolling_resistance
 from minigolf_env.physics.kernel import entry_kernel, kernel
 from minigolf_env.physics.neighbourhood import Cylinder, around, holds, reach_around
@@ -54,7 +54,7 @@ to it, those it has rolled in the lane, and whether it goes on."""
 
 
 @entry_kernel
-def enter(scene: Scene, contacts: FloatArray, lanes: RecordArray, i: int, p: Vec3, v: Vec3) -> bool:
+def enter(scene: Scene, walk: RecordArray, contacts: FloatArray, lanes: RecordArray, i: int, p: Vec3, v: Vec3) -> bool:
     """Let a ball that rolls on the triangle that is lane i's ground roll on in the lane, if it may; return whether."""
     lane = lanes[0]
     ground = lane["ground"][i]
@@ -64,7 +64,7 @@ def enter(scene: Scene, contacts: FloatArray, lanes: RecordArray, i: int, p: Vec
     surface, n = scene.surfaces[triangle["surface"]], vec3(triangle["n"])
     held = hold(contacts, ZERO, n, surface["rolling"])
     pull = project(contacts, held, scene.gravity)
-    level, cylinder = _look_ahead(scene, p, v, pull, ground)
+    level, cylinder = _look_ahead(scene, walk, p, v, pull, ground)
     if level:
         put(lane["p"], i, p)
         put(lane["v"], i, v)
@@ -82,7 +82,7 @@ def enter(scene: Scene, contacts: FloatArray, lanes: RecordArray, i: int, p: Vec
 
 
 @kernel
-def _look_ahead(scene: Scene, p: Vec3, v: Vec3, pull: Vec3, ground: int) -> tuple[bool, Cylinder]:
+def _look_ahead(scene: Scene, walk: RecordArray, p: Vec3, v: Vec3, pull: Vec3, ground: int) -> tuple[bool, Cylinder]:
     """Return whether a ball at p, that rolls at velocity v, has level ground under and before it, and up to where.
 
     The cylinder is wide enough for what gravity dips a path, and for how the ``pull`` along the ground bends the way.
@@ -94,19 +94,17 @@ def _look_ahead(scene: Scene, p: Vec3, v: Vec3, pull: Vec3, ground: int) -> tupl
     radius = scene.dt * scene.dt * norm(scene.gravity) + 0.5 * norm(pull) * time * time + 4.0 * scene.eps
     reach = reach_around(scene, radius)
     stands, free = False, 1.0
-    o = octant(w)
-    leaf = next_leaf_on_path(scene.nodes, o, ZERO, p, w, reach)
-    while leaf >= 0 and free * time >= LEAST * scene.dt:
-        node = scene.nodes[leaf]
-        for i in range(node["first"], node["first"] + node["size"]):
+    begin(walk)
+    size = ZERO + 1
+    while size > 0 and free * time >= LEAST * scene.dt:
+        first, size = next_leaf_on_path(scene.nodes, walk, p, scale(w, free), reach)
+        for i in range(first, first + size):
             triangle = scene.triangles[i]
             foot, u, f = sub(p, vec3(triangle["a"])), vec3(triangle["u"]), vec3(triangle["v"])
             if not _is_level(scene, ground, i):
                 free = min(free, _clear_until(foot, vec3(triangle["n"]), u, f, w, reach))
             elif dot(foot, u) > 0.0 and dot(foot, f) > 0.0 and dot(foot, u) + dot(foot, f) < 1.0:
                 stands = True
-        after = ZERO + node["skips"][o]
-        leaf = next_leaf_on_path(scene.nodes, o, after, p, scale(w, free), reach)
     return stands and free * time >= LEAST * scene.dt, around(p, scale(w, free), radius)
 
 

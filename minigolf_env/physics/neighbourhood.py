@@ -13,11 +13,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from minigolf_env.physics.bvh import LEAF, is_on_path
+from minigolf_env.physics.bvh import leaf, mark_on_path, new_walk
 from minigolf_env.physics.kernel import entry_kernel, kernel
 from minigolf_env.physics.sweep import Collision, no_collision, sooner, sweep
 from minigolf_env.physics.swept_sphere import may_come_near
-from minigolf_env.physics.types import ZERO, RecordArray, Scene, Vec3
+from minigolf_env.physics.types import WIDTH, ZERO, RecordArray, Scene, Vec3
 from minigolf_env.physics.vec3 import add, along, column, dot, norm, put, scale, store, sub, vec3
 
 CAPACITY = 64
@@ -26,8 +26,11 @@ CAPACITY = 64
 FEW = 24
 """Triangles in the list of several paths: more cost more than a list for each."""
 
-QUEUE = 4 * CAPACITY
-"""Nodes that a search for triangles may look into: with more, there are too many triangles too. A sweep needs half."""
+CANDIDATES = 2 * CAPACITY
+"""Triangles that a search for those of a list may come to: with more, there are too many for it too."""
+
+QUEUE = 2 * CANDIDATES
+"""Boxes that such a search may look into."""
 
 FURTHEST = 8.0
 """Paths like the present one that a neighbourhood holds at most: longer ones meet too much that is not on the way."""
@@ -45,8 +48,8 @@ one that a list's sweep met last, 0 at first."""
 
 LIST = np.dtype(
     [
-        *((name, "f8", (3, CAPACITY + LEAF)) for name in ("a", "n", "u", "v")),
-        *((name, "i8", (CAPACITY + LEAF,)) for name in ("row", "maybe")),
+        *((name, "f8", (3, CANDIDATES)) for name in ("a", "n", "u", "v")),
+        *((name, "i8", (CANDIDATES,)) for name in ("row", "maybe")),
     ]
 )
 """A column for each triangle of the list: what ``may_come_near`` asks of it, its row in the scene, and the answer."""
@@ -68,15 +71,15 @@ class Neighbourhood(NamedTuple):
     """(1,) of CYLINDER."""
     listed: RecordArray
     """(1,) of LIST."""
-    queue: NDArray[np.int64]
-    """(QUEUE,): the nodes to look into, during a search; the triangles to look at, during a sweep."""
+    walk: RecordArray
+    """(1,) of WALK; its stack also holds the boxes to look into, during a search, and the triangles, during a sweep."""
 
 
 def no_neighbourhood() -> Neighbourhood:
     """Return scratch memory for one thread, which holds no place yet."""
     cylinder = np.zeros(1, CYLINDER)
     forget(cylinder)
-    return Neighbourhood(cylinder, np.zeros(1, LIST), np.zeros(QUEUE, np.int64))
+    return Neighbourhood(cylinder, np.zeros(1, LIST), new_walk())
 
 
 def forget(cylinder: RecordArray) -> None:
@@ -89,16 +92,9 @@ def sweep_near(scene: Scene, near: Neighbourhood, p: Vec3, w: Vec3) -> Collision
     """Return what ``sweep`` returns, sooner."""
     cylinder = _cylinder(near)
     if not ((holds(cylinder, p) and holds(cylinder, add(p, w))) or _look_around(scene, near, p, w)):
-        return sweep(scene, p, w)
-    listed, queue, count = near.listed[0], near.queue, near.cylinder[0]["count"]
-    # In vector instructions, as nothing branches: whatever the path comes near to, by more than rounding.
-    for k in range(count):
-        a, n, u, v = column(listed["a"], k), column(listed["n"], k), column(listed["u"], k), column(listed["v"], k)
-        listed["maybe"][k] = may_come_near(sub(a, p), n, u, v, w, 0.0, 1.0, scene.radius + 2.0 * scene.eps)
-    first = ZERO
-    for k in range(count):
-        queue[first] = listed["row"][k]
-        first += listed["maybe"][k]
+        return sweep(scene, near.walk, p, w)
+    listed, queue, count = near.listed[0], near.walk[0]["stack"], near.cylinder[0]["count"]
+    first = _pick(listed, count, p, w, scene.radius + 2.0 * scene.eps, queue)
     best, k, last = no_collision(), ZERO, first
     while k < last:
         best, later = sooner(scene.triangles, queue[k], p, w, scene.radius, scene.eps, best, k >= first)
@@ -174,44 +170,59 @@ def is_short(near: Neighbourhood) -> bool:
 def _list_triangles(scene: Scene, near: Neighbourhood, p: Vec3, w: Vec3, reach: float, most: int) -> bool:
     """List the triangles that may be within ``reach`` of the path p to p + w; return whether ``most`` are enough.
 
-    The tree is searched breadth first: the processor can look at several boxes at a time, as none waits for another.
+    The tree is searched breadth first: the processor can look at several nodes at a time, as none waits for another.
     """
-    nodes, triangles, queue, listed = scene.nodes, scene.triangles, near.queue, near.listed[0]
-    half = scale(w, 0.5)
-    middle = add(p, half)
+    walk, listed = near.walk[0], near.listed[0]
+    queue = walk["stack"]
     queue[0], waiting, done, count = 0, ZERO + 1, ZERO, ZERO
     while done < waiting:
-        node = nodes[queue[done]]
-        first, size = node["first"], node["size"]
-        if waiting + 2 > len(queue):
-            return False
-        for i in range(first, first + size):
-            listed["row"][count] = i
-            count += int(_is_near(triangles[i], middle, half, reach))
-        if count > most:
-            return False
-        if size == 0:
-            left = queue[done] + 1
-            right = first
-            queue[waiting] = left
-            waiting += int(is_on_path(nodes, left, middle, half, reach))
-            queue[waiting] = right
-            waiting += int(is_on_path(nodes, right, middle, half, reach))
+        i = queue[done]
+        if i >= 0:
+            mark_on_path(scene.nodes, i, near.walk, p, w, reach)
+            for k in range(WIDTH):
+                queue[waiting] = scene.nodes[i]["inside"][k]
+                waiting += walk["near"][k]
+            if waiting > QUEUE:
+                return False
+        else:
+            first, size = leaf(i)
+            if count + size > CANDIDATES:
+                return False
+            for row in range(first, first + size):
+                listed["row"][count] = row
+                count += 1
         done += 1
+    _read(scene.triangles, listed, count)
+    count = _pick(listed, count, p, w, reach, listed["row"])
+    if count > most:
+        return False
+    _read(scene.triangles, listed, count)
+    near.cylinder[0]["count"] = count
+    return True
+
+
+@kernel
+def _read(triangles: RecordArray, listed: np.void, count: int) -> None:
+    """Read the columns of a list from the triangles that its rows name."""
     for k in range(count):
         triangle = triangles[listed["row"][k]]
         put(listed["a"], k, vec3(triangle["a"]))
         put(listed["n"], k, vec3(triangle["n"]))
         put(listed["u"], k, vec3(triangle["u"]))
         put(listed["v"], k, vec3(triangle["v"]))
-    near.cylinder[0]["count"] = count
-    return True
 
 
 @kernel
-def _is_near(triangle: np.void, middle: Vec3, half: Vec3, reach: float) -> bool:
-    a = sub(vec3(triangle["a"]), middle)
-    n = vec3(triangle["n"])
-    u = vec3(triangle["u"])
-    v = vec3(triangle["v"])
-    return may_come_near(a, n, u, v, half, -1.0, 1.0, reach)
+def _pick(listed: np.void, count: int, p: Vec3, w: Vec3, reach: float, rows: NDArray[np.int64]) -> int:
+    """Write the rows of the listed triangles that the path p to p + w may come within ``reach`` of; return how many.
+
+    They are told apart in vector instructions, as nothing branches.
+    """
+    for k in range(count):
+        a, n, u, v = column(listed["a"], k), column(listed["n"], k), column(listed["u"], k), column(listed["v"], k)
+        listed["maybe"][k] = may_come_near(sub(a, p), n, u, v, w, 0.0, 1.0, reach)
+    picked = ZERO
+    for k in range(count):
+        rows[picked] = listed["row"][k]
+        picked += listed["maybe"][k]
+    return picked

@@ -93,7 +93,7 @@ def step(scene: Scene, scratch: Scratch, p: Vec3, v: Vec3, log: FloatArray, boun
         resistance = rolling_resistance(contacts, held, scene.gravity)
         net, span, stops = resist(v, a, resistance, h)
         if stops and span == 0.0:
-            pull, held = _hemmed(scene, contacts, p, scene.gravity, 0.5 * scene.dt * scene.dt)
+            pull, held = _hemmed(scene, scratch, p, scene.gravity, 0.5 * scene.dt * scene.dt)
             if still or norm(pull) <= rolling_resistance(contacts, held, scene.gravity):
                 return Moved(p, net, h, True, bounces, False, sub_step)
             still, held, a, v = True, 0, scene.gravity, net  # It has rolled off what stopped it.
@@ -122,7 +122,7 @@ def step(scene: Scene, scratch: Scratch, p: Vec3, v: Vec3, log: FloatArray, boun
         if not rattles:
             held = release(contacts, held, v)
         a = project(contacts, held, scene.gravity)
-    v, _ = _hemmed(scene, contacts, p, v, scene.dt)
+    v, _ = _hemmed(scene, scratch, p, v, scene.dt)
     return Moved(p, v, 0.0, False, bounces, True, MAX_SUB_STEPS)
 
 
@@ -135,16 +135,16 @@ def _note(log: FloatArray, row: int, time: float, p: Vec3, n: Vec3, triangle: in
 
 
 @kernel
-def _hemmed(scene: Scene, contacts: FloatArray, p: Vec3, x: Vec3, span: float) -> tuple[Vec3, int]:
+def _hemmed(scene: Scene, scratch: Scratch, p: Vec3, x: Vec3, span: float) -> tuple[Vec3, int]:
     """Return what the contacts touching the ball at p leave of the vector x, and how many they are.
 
     They are found one by one, by sweeping along what is left of x for a duration ``span``.
     """
-    left, held = x, ZERO
+    contacts, left, held = scratch.contacts, x, ZERO
     for _ in range(MAX_CONTACTS):
         if dot(left, left) == 0.0:
             break
-        hit = sweep(scene, p, scale(left, span))
+        hit = sweep(scene, scratch.near.walk, p, scale(left, span))
         if hit.alpha > 0.0:
             break
         held = hold(contacts, held, hit.normal, surface_of(scene, hit)["rolling"])
@@ -218,7 +218,7 @@ def _walk(
     while steps < max_steps:
         # Where the ground is not level it seldom is a step later: looks that fail become rare.
         if smooth > 0 and smooth & (smooth - 1) == 0 and len(path) == 0:
-            rolls = enter(scene, scratch.contacts, scratch.lanes, k, p, v)
+            rolls = enter(scene, near.walk, scratch.contacts, scratch.lanes, k, p, v)
         if rolls:
             lane["left"][k] = max_steps - steps
             break
@@ -245,6 +245,7 @@ def sweep_range(
     first: int,
     last: int,
     scene: Scene,
+    walk: RecordArray,
     starts: FloatArray,
     paths: FloatArray,
     alphas: FloatArray,
@@ -253,20 +254,24 @@ def sweep_range(
 ) -> None:
     """Sweep balls first to last - 1 of a batch along paths (N, 3) and write alpha, normal and triangle."""
     for i in range(first, last):
-        hit = sweep(scene, vec3(starts[i]), vec3(paths[i]))
+        hit = sweep(scene, walk, vec3(starts[i]), vec3(paths[i]))
         alphas[i], triangles[i] = hit.alpha, hit.order
         store(normals[i], hit.normal)
 
 
 @entry_kernel
-def clearance_range(first: int, last: int, scene: Scene, positions: FloatArray, clearances: FloatArray) -> None:
+def clearance_range(
+    first: int, last: int, scene: Scene, walk: RecordArray, positions: FloatArray, clearances: FloatArray
+) -> None:
     """Write the distance from the skin of balls first to last - 1 to the nearest triangle."""
     for i in range(first, last):
-        clearances[i] = distance(scene, vec3(positions[i])) - scene.radius
+        clearances[i] = distance(scene, walk, vec3(positions[i])) - scene.radius
 
 
 @entry_kernel
-def doubt_range(first: int, last: int, scene: Scene, positions: FloatArray, doubts: NDArray[np.bool_]) -> None:
+def doubt_range(
+    first: int, last: int, scene: Scene, walk: RecordArray, positions: FloatArray, doubts: NDArray[np.bool_]
+) -> None:
     """Write whether balls first to last - 1 may be deeper than ``eps`` in a triangle; the others surely are not."""
     for i in range(first, last):
-        doubts[i] = is_near(scene, vec3(positions[i]), scene.radius - 1.5 * scene.eps)
+        doubts[i] = is_near(scene, walk, vec3(positions[i]), scene.radius - 1.5 * scene.eps)

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from minigolf_env.physics.bvh import nearest_leaf, next_leaf_on_path, next_leaf_within, octant
+from minigolf_env.physics.bvh import begin, next_leaf_on_path, next_leaf_within
 from minigolf_env.physics.kernel import entry_kernel, kernel
 from minigolf_env.physics.swept_sphere import LATER, MISS, offset, sweep_triangle
 from minigolf_env.physics.types import TRUE, ZERO, RecordArray, Scene, Vec3
@@ -47,7 +47,7 @@ def earlier(new: Collision, old: Collision, w: Vec3) -> Collision:
 
 
 @entry_kernel
-def sweep(scene: Scene, p: Vec3, w: Vec3) -> Collision:
+def sweep(scene: Scene, walk: RecordArray, p: Vec3, w: Vec3) -> Collision:
     """Return the first collision of the ball on its way from p to p + w.
 
     Only the path before the best collision so far is looked at: within twice the tolerance, so that rounding loses no
@@ -55,21 +55,12 @@ def sweep(scene: Scene, p: Vec3, w: Vec3) -> Collision:
     """
     best = no_collision()
     reach = scene.radius + 2.0 * scene.eps
-    o = octant(w)
-    leaf = next_leaf_on_path(scene.nodes, o, ZERO, p, w, reach)
-    while leaf >= 0:
-        best = sweep_leaf(scene, leaf, p, w, best)
-        after = ZERO + scene.nodes[leaf]["skips"][o]
-        leaf = next_leaf_on_path(scene.nodes, o, after, p, scale(w, best.alpha), reach)
-    return best
-
-
-@kernel
-def sweep_leaf(scene: Scene, leaf: int, p: Vec3, w: Vec3, best: Collision) -> Collision:
-    """Return the first collision with the triangles of a leaf if it counts before ``best``."""
-    node = scene.nodes[leaf]
-    for i in range(node["first"], node["first"] + node["size"]):
-        best, _ = sooner(scene.triangles, i, p, w, scene.radius, scene.eps, best, TRUE)
+    begin(walk)
+    size = ZERO + 1
+    while size > 0:
+        first, size = next_leaf_on_path(scene.nodes, walk, p, scale(w, best.alpha), reach)
+        for i in range(first, first + size):
+            best, _ = sooner(scene.triangles, i, p, w, scene.radius, scene.eps, best, TRUE)
     return best
 
 
@@ -97,31 +88,26 @@ def sooner(
 
 
 @kernel
-def distance(scene: Scene, p: Vec3) -> float:
+def distance(scene: Scene, walk: RecordArray, p: Vec3) -> float:
     """Return the distance from the point p to the nearest triangle."""
-    best = _distance_in_leaf(scene, nearest_leaf(scene.nodes, p), p)
-    leaf = next_leaf_within(scene.nodes, ZERO, p, best)
-    while leaf >= 0:
-        best = min(best, _distance_in_leaf(scene, leaf, p))
-        leaf = next_leaf_within(scene.nodes, ZERO + scene.nodes[leaf]["skips"][0], p, best)
-    return best
-
-
-@kernel
-def is_near(scene: Scene, p: Vec3, reach: float) -> bool:
-    """Return whether a triangle is nearer than ``reach`` to the point p: sooner told than how near the nearest is."""
-    leaf = next_leaf_within(scene.nodes, ZERO, p, reach)
-    while leaf >= 0:
-        if _distance_in_leaf(scene, leaf, p) < reach:
-            return True
-        leaf = next_leaf_within(scene.nodes, ZERO + scene.nodes[leaf]["skips"][0], p, reach)
-    return False
-
-
-@kernel
-def _distance_in_leaf(scene: Scene, leaf: int, p: Vec3) -> float:
     best = np.inf
-    node = scene.nodes[leaf]
-    for i in range(node["first"], node["first"] + node["size"]):
-        best = min(best, norm(offset(scene.triangles[i], p)))
+    begin(walk)
+    size = ZERO + 1
+    while size > 0:
+        first, size = next_leaf_within(scene.nodes, walk, p, best)
+        for i in range(first, first + size):
+            best = min(best, norm(offset(scene.triangles[i], p)))
     return best
+
+
+@kernel
+def is_near(scene: Scene, walk: RecordArray, p: Vec3, reach: float) -> bool:
+    """Return whether a triangle is nearer than ``reach`` to the point p: sooner told than how near the nearest is."""
+    begin(walk)
+    size = ZERO + 1
+    while size > 0:
+        first, size = next_leaf_within(scene.nodes, walk, p, reach)
+        for i in range(first, first + size):
+            if norm(offset(scene.triangles[i], p)) < reach:
+                return True
+    return False

@@ -134,22 +134,24 @@ IMPACT = np.dtype([("time", "f8"), ("position", "f8", 3), ("normal", "f8", 3), (
 RESULT = np.dtype([("time", "f8"), *((name, "i8") for name in ("status", "steps", "bounces", "exhausted"))])
 """How a run ended: its time (s) and Status, the time steps begun, the bounces, the exhausted steps."""
 
+WIDTH = 8
+"""Boxes of a node: one vector of 512 bits, or some shorter ones."""
+
 NODE = np.dtype(
     [
-        *((name, "f8", (3,)) for name in ("middle", "half")),
-        ("first", "i8"),
-        *((name, "i4") for name in ("size", "axis")),
-        ("skips", "i4", (8,)),
-    ],
-    align=True,
+        *((name, "f8", (3, WIDTH)) for name in ("middle", "half")),
+        ("inside", "i8", (WIDTH,)),
+        ("width", "i8"),
+    ]
 )
-"""A box of the bounding volume hierarchy: its middle and half extents (m); a leaf's first triangle and number of
-triangles. An inner node has size 0; its lower child along ``axis`` is the next node, its upper one ``first``. For each
-octant of directions the node after its subtree, in the order that goes into the nearer child first (``bvh.octant``)."""
+"""Up to WIDTH boxes of the bounding volume hierarchy, a column each: the middle (not a number where there is no box)
+and half extents (m); what is inside: the row of another node, or minus WIDTH times a leaf's first triangle, and minus
+the number of its triangles. The width is WIDTH: the compiler makes vector instructions of a loop only if it does not
+know how long it is."""
 
 TRIANGLE = np.dtype(
     [
-        *((vector, "f8", (3,)) for vector in "aefnuv"),
+        *((vector, "f8", (3,)) for vector in "nauvef"),
         ("number", "i8"),
         ("surface", "i4"),
         ("one_sided", "?"),

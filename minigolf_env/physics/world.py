@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from minigolf_env.physics import simulate as kernels
 from minigolf_env.physics.batch import NO_LOG, NO_PATH, check_clear, clearance_rows, shot_of, simulate_rows, sweep_rows
-from minigolf_env.physics.bvh import build_tree
+from minigolf_env.physics.bvh import build_tree, new_walk
 from minigolf_env.physics.checks import finite_array, one_of, positive_number
 from minigolf_env.physics.kernel import announced_compilation
 from minigolf_env.physics.mesh import TriangleMesh
@@ -137,7 +137,7 @@ class World:
         """
         p, q = _point(start, "start"), _point(end, "end")
         with announced_compilation("sweep"):
-            hit = sweep(self._scene, Vec3(*p), Vec3(*(q - p)))
+            hit = sweep(self._scene, new_walk(), Vec3(*p), Vec3(*(q - p)))
         return _hit_of(hit)
 
     def sweep_batch(self, starts: ArrayLike, ends: ArrayLike) -> Hit:

@@ -1,13 +1,23 @@
 """The tree changes the cost of a query and never its answer."""
 
-import itertools
-
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from minigolf_env.physics import TriangleMesh, World, sweep_sphere
-from minigolf_env.physics.bvh import build_tree, octant
-from minigolf_env.physics.types import Vec3
+from minigolf_env.physics.bvh import (
+    LEAF,
+    LOPSIDED,
+    STACK,
+    begin,
+    build_tree,
+    leaf,
+    new_walk,
+    next_leaf_on_path,
+    next_leaf_within,
+)
+from minigolf_env.physics.kernel import entry_kernel
+from minigolf_env.physics.types import WIDTH, ZERO, RecordArray, Vec3
 from tests.physics.scenes import BALL, FloatArray, grid, sphere
 
 KINDS = ["random", "duplicates", "degenerate", "huge and tiny", "floor", "one"]
@@ -66,25 +76,41 @@ def test_tree_answers_as_the_scan_does(kind: str, radius: float) -> None:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_leaves_share_out_the_triangles(kind: str) -> None:
-    """Every triangle is in exactly one leaf, and every box holds all that is below it."""
+    """Every triangle is in one leaf, every node in one box; a box holds what is inside, less than all of its node."""
     triangles = soup(kind, np.random.default_rng(2))
     nodes, order = build_tree(triangles)
-    seen = np.zeros(len(triangles), int)
-    for i, node in enumerate(nodes):
-        leaves = [leaf for leaf in nodes[i : node["skips"][0]] if leaf["size"] > 0]
-        rows = np.concatenate([order[leaf["first"] : leaf["first"] + leaf["size"]] for leaf in leaves])
-        assert (np.abs(triangles[rows] - node["middle"]) <= node["half"]).all()
-        if node["size"] > 0:
-            seen[rows] += 1
-            assert node["skips"][0] == i + 1
-    assert (seen == 1).all()
-    assert nodes[0]["skips"][0] == len(nodes)
+    nodes_seen, rows_seen = [0], []
+
+    def rows_in(i: int) -> NDArray[np.int64]:
+        rows: list[NDArray[np.int64]] = []
+        for k in np.flatnonzero(~np.isnan(nodes[i]["middle"][0])):
+            inside = int(nodes[i]["inside"][k])
+            if inside < 0:
+                first, size = leaf(inside)
+                assert 1 <= size <= LEAF
+                rows.append(order[first : first + size])
+                rows_seen.extend(rows[-1])
+            else:
+                nodes_seen.append(inside)
+                rows.append(rows_in(inside))
+            way = triangles[rows[-1]] - nodes[i]["middle"][:, k]
+            assert (np.abs(way) <= nodes[i]["half"][:, k]).all()
+        total = sum(map(len, rows))
+        assert all(LOPSIDED * len(some) <= (LOPSIDED - 1) * total for some in rows) or (kind == "one" and total == 1)
+        return np.concatenate(rows)
+
+    rows_in(0)
+    assert sorted(rows_seen) == list(range(len(triangles)))
+    assert sorted(nodes_seen) == list(range(len(nodes)))
 
 
-def test_tree_is_shallow() -> None:
-    """Even for coinciding triangles the tree has few nodes more than leaves of two would need."""
-    for triangles in (np.zeros((1000, 3, 3)), soup("floor", np.random.default_rng(3))):
-        assert len(build_tree(triangles)[0]) <= len(triangles)
+@pytest.mark.parametrize("count", [*range(1, 41), 1000])
+def test_tree_has_room(count: int) -> None:
+    """Whether triangles coincide or shrink, there are no more nodes than there is room for, nor boxes on a stack."""
+    corners = np.random.default_rng(3).normal(size=(count, 3, 3))
+    for triangles in (0.0 * corners, corners, corners * 0.5 ** np.arange(count)[:, None, None]):
+        assert len(build_tree(triangles)[0]) <= count // 2 + 1
+    assert np.log(1e8 / LEAF) / -np.log1p(-1.0 / LOPSIDED) * (WIDTH - 1) + WIDTH < STACK
 
 
 def test_clearance_is_the_distance_to_the_nearest_triangle() -> None:
@@ -98,22 +124,37 @@ def test_clearance_is_the_distance_to_the_nearest_triangle() -> None:
     assert world.clearance(body[0] * 1.5) == pytest.approx(0.5 - BALL, abs=1e-12)
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_walks_go_into_the_nearer_child_first(kind: str) -> None:
-    """In each octant's order every node comes once, and after a node its child on the side the path comes from."""
-    nodes, _ = build_tree(soup(kind, np.random.default_rng(3)))
-    for o, signs in enumerate(itertools.product([1, -1], repeat=3)):
-        way = signs[::-1]  # The lowest bit is that of x.
-        assert octant(Vec3(*map(float, way))) == o
-        i, seen = 0, []
-        while i < len(nodes):
-            node = nodes[i]
-            seen.append(i)
-            children = [i + 1, int(node["first"])]
-            if node["size"] > 0:
-                i = int(node["skips"][o])
-                continue
-            near, far = children[:: way[node["axis"]]]
-            assert (nodes[near]["skips"][o], nodes[far]["skips"][o]) == (far, node["skips"][o])
-            i = near
-        assert sorted(seen) == list(range(len(nodes)))
+@entry_kernel
+def write_leaves(
+    nodes: RecordArray, walk: RecordArray, p: Vec3, w: Vec3, reach: float, found: NDArray[np.int64]
+) -> int:
+    """Write the leaves (N, 2) on a path, or around a point if it has no length; return their number."""
+    begin(walk)
+    count, size = ZERO, ZERO + 1
+    while size > 0:
+        if w.x == 0.0:
+            first, size = next_leaf_within(nodes, walk, p, reach)
+        else:
+            first, size = next_leaf_on_path(nodes, walk, p, w, reach)
+        found[count, 0], found[count, 1] = first, size
+        count += size > 0
+    return count
+
+
+@pytest.mark.parametrize("length", [0.0, 100.0, -100.0])
+def test_walks_come_to_what_is_near_and_nearer_first(length: float) -> None:
+    """In a row of triangles that are points: all of them and none besides, along a path or around a point."""
+    nodes, order = build_tree(np.arange(64.0)[:, None, None] + np.zeros((64, 3, 3)))
+    start, found = 20.2, np.empty((64, 2), np.int64)
+    count = write_leaves(
+        nodes, new_walk(), Vec3(*[start] * 3), Vec3(*[length] * 3), 10.0 if length == 0.0 else 0.1, found
+    )
+    places = [order[first : first + size] for first, size in found[:count]]
+    ahead = np.arange(64) - start
+    near = np.abs(ahead) * np.sqrt(3.0) <= 10.0 if length == 0.0 else ahead * length >= -0.1
+    assert set(np.flatnonzero(near)) <= set(np.concatenate(places))
+    assert all(near[place].any() for place in places)
+    distances = np.array([np.abs(place - start).min() for place in places])
+    assert len(distances) > 3
+    assert distances[0] == distances.min()
+    assert length == 0.0 or (np.diff(distances) > 0.0).all()

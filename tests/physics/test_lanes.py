@@ -89,7 +89,7 @@ def one_step(world: World, scratch: Scratch, p: FloatArray, v: FloatArray, row: 
     lane = scratch.lanes[0]
     k, before = LANES - 1, (Vec3(*p.tolist()), Vec3(*v.tolist()))
     lane["rolls"], lane["ground"][k] = 0, row
-    if not enter(world.scene, scratch.contacts, scratch.lanes, k, *before):
+    if not enter(world.scene, scratch.near.walk, scratch.contacts, scratch.lanes, k, *before):
         return False, False
     lane["left"][k] = 1
     rolled = roll(world.scene, scratch.lanes, LANES) == 1
@@ -132,7 +132,7 @@ def test_a_putt_rolls_on_to_the_end_of_what_was_looked_at() -> None:
     lane, p, v = scratch.lanes[0], Vec3(-0.1, 0.03, BALL), Vec3(1.0, 0.2, 0.0)
     [row] = rows_under(world, np.array(p))
     lane["ground"][0], lane["left"] = row, 10_000
-    assert enter(world.scene, scratch.contacts, scratch.lanes, 0, p, v)
+    assert enter(world.scene, scratch.near.walk, scratch.contacts, scratch.lanes, 0, p, v)
     while roll(world.scene, scratch.lanes, 1):
         moved = step(world.scene, scratch, p, v, NO_LOG, 0, 0.0)
         p, v = moved.p, moved.v
@@ -214,4 +214,6 @@ def enters(world: World, p: list[float], way: float, row: int) -> bool:
     """Return whether a ball that rolls on a triangle along x may roll on."""
     scratch = new_scratch()
     scratch.lanes[0]["ground"][0] = row
-    return bool(enter(world.scene, scratch.contacts, scratch.lanes, 0, Vec3(*p), Vec3(5.0 * way, 0.0, 0.0)))
+    return bool(
+        enter(world.scene, scratch.near.walk, scratch.contacts, scratch.lanes, 0, Vec3(*p), Vec3(5.0 * way, 0.0, 0.0))
+    )

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from minigolf_env.physics import TriangleMesh, World
+from minigolf_env.physics.bvh import new_walk
 from minigolf_env.physics.neighbourhood import CAPACITY, FEW, no_neighbourhood, sweep_near
 from minigolf_env.physics.sweep import sweep
 from minigolf_env.physics.types import Vec3
@@ -51,7 +52,7 @@ def test_sweep_near_is_sweep(kind: str) -> None:
         world, near = scene(kind, rng), no_neighbourhood()
         for p, way in walk(world, rng, 1000):
             hit = sweep_near(world._scene, near, Vec3(*p), Vec3(*way))
-            assert hit == sweep(world._scene, Vec3(*p), Vec3(*way))
+            assert hit == sweep(world._scene, new_walk(), Vec3(*p), Vec3(*way))
             hits += hit.row >= 0
             listed.append(near.cylinder[0]["count"] if near.cylinder[0]["length"] >= 0.0 else CAPACITY + 1)
     assert hits > 300
