@@ -164,13 +164,14 @@ MUTATIONS = [
         "        if not approaches(-abs(wn), w):\n            return MISS, n\n",
         "",
     ),
-    Mutation("a direction without reach", "bvh.py", " & (free * free > reach * reach * distance2)", ""),
-    Mutation("a box without reach", "bvh.py", "ex, ey, ez = box.x + reach,", "ex, ey, ez = box.x,"),
-    Mutation("a leaf without its last triangle", "bvh.py", "-inside % WIDTH", "-inside % WIDTH - 1"),
+    Mutation("a direction without reach", "walk.py", " & (free * free > reach * reach * distance2)", ""),
+    Mutation("a box without reach", "walk.py", "ex, ey, ez = box.x + reach,", "ex, ey, ez = box.x,"),
+    Mutation("a leaf without its last triangle", "walk.py", "-inside % WIDTH", "-inside % WIDTH - 1"),
     Mutation(
-        "a walk that leaves a box out", "bvh.py", 'record["waiting"] = end', 'record["waiting"] = max(first, end - 1)'
+        "a walk that leaves a box out", "walk.py", 'record["waiting"] = end', 'record["waiting"] = max(first, end - 1)'
     ),
-    Mutation("a walk to what is furthest", "bvh.py", "[place - 1]] > order[k]", "[place - 1]] < order[k]"),
+    Mutation("a walk to what is furthest", "walk.py", "[place - 1]] > order[k]", "[place - 1]] < order[k]"),
+    Mutation("a walk around a point that falls short", "walk.py", "distance <= reach", "distance <= 0.9 * reach"),
     Mutation("a stale neighbourhood", "neighbourhood.py", HOLDS, "cylinder.length >= 0.0"),
     Mutation("a neighbourhood of the start", "neighbourhood.py", HOLDS, "holds(cylinder, p)"),
     Mutation("a neighbourhood of the centre", "neighbourhood.py", "1.42 * radius + scene.radius", "1.42 * radius"),
@@ -184,6 +185,12 @@ MUTATIONS = [
         "neighbourhood.py",
         "                return False\n            for",
         "                break\n            for",
+    ),
+    Mutation(
+        "a full queue",
+        "neighbourhood.py",
+        "            if waiting > QUEUE:\n                return False",
+        "            if waiting > QUEUE:\n                break",
     ),
     Mutation("a list for half of the path", "neighbourhood.py", "w, 0.0, 1.0,", "w, 0.0, 0.5,"),
     Mutation("a list of one normal", "neighbourhood.py", 'put(listed["n"], k,', 'put(listed["n"], 0,'),

@@ -18,12 +18,12 @@ import math
 
 import numpy as np
 
-from minigolf_env.physics.bvh import begin, next_leaf_on_path
 from minigolf_env.physics.contact import GRAZE, ROUNDING, brake, hold, pressing, project, rolling_resistance
 from minigolf_env.physics.kernel import entry_kernel, kernel
 from minigolf_env.physics.neighbourhood import Cylinder, around, holds, reach_around
 from minigolf_env.physics.types import ZERO, FloatArray, RecordArray, Scene, Vec3
 from minigolf_env.physics.vec3 import add, along, choose, column, dot, norm, put, scale, sub, vec3
+from minigolf_env.physics.walk import begin, next_leaf_on_path
 
 LANES = 8
 """Balls that roll at once: one vector of 512 bits, or some shorter ones."""

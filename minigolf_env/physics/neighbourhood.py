@@ -13,12 +13,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from minigolf_env.physics.bvh import leaf, mark_on_path, new_walk
 from minigolf_env.physics.kernel import entry_kernel, kernel
 from minigolf_env.physics.sweep import Collision, no_collision, sooner, sweep
 from minigolf_env.physics.swept_sphere import may_come_near
 from minigolf_env.physics.types import WIDTH, ZERO, RecordArray, Scene, Vec3
 from minigolf_env.physics.vec3 import add, along, column, dot, norm, put, scale, store, sub, vec3
+from minigolf_env.physics.walk import leaf, mark_on_path, new_walk
 
 CAPACITY = 64
 """Triangles in the list of one path: more cost more than walking through the tree once for each of its pieces."""
@@ -27,10 +27,10 @@ FEW = 24
 """Triangles in the list of several paths: more cost more than a list for each."""
 
 CANDIDATES = 2 * CAPACITY
-"""Triangles that a search for those of a list may come to: with more, there are too many for it too."""
+"""Triangles of leaves that a search for a list may come to: more are taken to be too many."""
 
 QUEUE = 2 * CANDIDATES
-"""Boxes that such a search may look into."""
+"""Boxes that such a search may come to, in a walk's stack: it has room for them."""
 
 FURTHEST = 8.0
 """Paths like the present one that a neighbourhood holds at most: longer ones meet too much that is not on the way."""
@@ -52,7 +52,8 @@ LIST = np.dtype(
         *((name, "i8", (CANDIDATES,)) for name in ("row", "maybe")),
     ]
 )
-"""A column for each triangle of the list: what ``may_come_near`` asks of it, its row in the scene, and the answer."""
+"""A column for each triangle of the list, or candidate for it: what ``may_come_near`` asks of it, its row in the scene,
+and the answer."""
 
 
 class Cylinder(NamedTuple):
@@ -168,7 +169,7 @@ def is_short(near: Neighbourhood) -> bool:
 
 @kernel
 def _list_triangles(scene: Scene, near: Neighbourhood, p: Vec3, w: Vec3, reach: float, most: int) -> bool:
-    """List the triangles that may be within ``reach`` of the path p to p + w; return whether ``most`` are enough.
+    """List the triangles, ``most`` at most, that may be within ``reach`` of the path p to p + w; return whether it did.
 
     The tree is searched breadth first: the processor can look at several nodes at a time, as none waits for another.
     """

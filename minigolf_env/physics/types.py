@@ -160,7 +160,7 @@ TRIANGLE = np.dtype(
 )
 """A triangle: its corner a and the edges e and f from there (m); the unit normal n; u and v (1/m), with which a point
 a + x of its plane is a + (x . u) e + (x . v) f; n, u and v are zero without area. The caller's number; its row among
-the surfaces; whether only a ball that moves against n can collide (never without area)."""
+the surfaces; whether only a ball that moves against n can collide (never without area). First what a miss asks for."""
 
 SURFACE = np.dtype([("restitution", "f8"), ("tangential", "f8"), ("rolling", "f8")])
 """What an impact keeps of the normal and the tangential velocity, and the rolling resistance."""

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from minigolf_env.physics import simulate as kernels
 from minigolf_env.physics.batch import NO_LOG, NO_PATH, check_clear, clearance_rows, shot_of, simulate_rows, sweep_rows
-from minigolf_env.physics.bvh import build_tree, new_walk
+from minigolf_env.physics.bvh import build_tree
 from minigolf_env.physics.checks import finite_array, one_of, positive_number
 from minigolf_env.physics.kernel import announced_compilation
 from minigolf_env.physics.mesh import TriangleMesh
@@ -29,6 +29,7 @@ from minigolf_env.physics.types import (
     Status,
     Vec3,
 )
+from minigolf_env.physics.walk import new_walk
 
 IMPACTS = ("average", "conservative")
 

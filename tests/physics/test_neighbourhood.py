@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from minigolf_env.physics import TriangleMesh, World
-from minigolf_env.physics.bvh import new_walk
 from minigolf_env.physics.neighbourhood import CAPACITY, FEW, no_neighbourhood, sweep_near
 from minigolf_env.physics.sweep import sweep
 from minigolf_env.physics.types import Vec3
+from minigolf_env.physics.walk import new_walk
 from tests.physics.scenes import FloatArray, grid, mesh, random_room
 
 
@@ -19,8 +19,9 @@ def scene(kind: str, rng: np.random.Generator) -> World:
         return random_room(rng)[0]
     if kind == "green":
         return World([mesh(grid(1.0, 60, rng.uniform(-1e-3, 1e-3, (61, 61))))])
-    triangles = rng.uniform(-1, 1, (2000, 1, 3)) + 0.1 * rng.normal(size=(2000, 3, 3))
-    return World([TriangleMesh(triangles.reshape(-1, 3), np.arange(6000).reshape(-1, 3))], rng.uniform(0.05, 0.3))
+    count, radius = (6000, 0.3) if kind == "throng" else (2000, rng.uniform(0.05, 0.3))
+    triangles = rng.uniform(-1, 1, (count, 1, 3)) + 0.1 * rng.normal(size=(count, 3, 3))
+    return World([TriangleMesh(triangles.reshape(-1, 3), np.arange(3 * count).reshape(-1, 3))], radius)
 
 
 def walk(world: World, rng: np.random.Generator, count: int) -> Iterator[tuple[FloatArray, FloatArray]]:
@@ -43,7 +44,7 @@ def walk(world: World, rng: np.random.Generator, count: int) -> Iterator[tuple[F
         way *= length / np.linalg.norm(way)
 
 
-@pytest.mark.parametrize("kind", ["room", "green", "crowd"])
+@pytest.mark.parametrize("kind", ["room", "green", "crowd", "throng"])
 def test_sweep_near_is_sweep(kind: str) -> None:
     """Along a walk, with a neighbourhood that has seen all of it, each answer is the whole tree's, bit for bit."""
     hits, listed = 0, []
