@@ -33,6 +33,7 @@ ORDER = (
     "faults",
     "swept_sphere",
     "bvh",
+    "walk",
     "guarantees",
     "neighbourhood",
     "lanes",

@@ -206,3 +206,22 @@ def free_starts(rng: np.random.Generator, world: World, frame: FloatArray, count
     """Return up to ``count`` places of a random room where a ball may start."""
     places = rng.uniform([-0.5, -0.5, 0.0], [0.5, 0.5, 1.0], (count, 3)) @ frame.T
     return np.array([p for p in places if is_free(world, p)]).reshape(-1, 3)
+
+
+SOUPS = ["random", "duplicates", "degenerate", "huge and tiny", "floor", "one"]
+
+
+def soup(kind: str, rng: np.random.Generator) -> FloatArray:
+    """Return triangles (n, 3, 3) that a tree may find hard."""
+    triangles = rng.uniform(-1, 1, (200, 1, 3)) + 0.2 * rng.normal(size=(200, 3, 3))
+    if kind == "duplicates":
+        triangles[50:] = triangles[7]
+    elif kind == "degenerate":
+        triangles[:100, 1] = triangles[:100, 0]
+        triangles[50:150, 2] = triangles[50:150, 0]
+    elif kind == "huge and tiny":
+        triangles = triangles * 10.0 ** rng.uniform(-6, 3, (200, 1, 1))
+    elif kind == "floor":
+        vertices, faces = grid(2.0, 12)
+        triangles = vertices[faces]
+    return triangles[:1] if kind == "one" else triangles
