@@ -44,7 +44,7 @@ def begin(walk: RecordArray) -> None:
 def next_leaf_on_path(nodes: RecordArray, walk: RecordArray, p: Vec3, w: Vec3, reach: float) -> tuple[int, int]:
     """Return the walk's next leaf whose box the path p to p + w may meet within ``reach``: first triangle and number.
 
-    The number is 0 when there is none. A box that was near to a longer path is still looked into, or its triangles are.
+    The number is 0 when there is none. What waits on the stack since the path was longer is not asked again.
     """
     while walk[0]["waiting"] > 0:
         i = _pop(walk)
