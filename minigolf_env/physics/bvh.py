@@ -79,7 +79,7 @@ def _build(
             start, size = parts[k, 0], parts[k, 1] - parts[k, 0]
             node["inside"][k] = -(WIDTH * start + size)
             if size > LEAF:
-                todo[waiting, 0], todo[waiting, 1], todo[waiting, 2], todo[waiting, 3] = start, start + size, count, k
+                todo[waiting, 0], todo[waiting, 1], todo[waiting, 2], todo[waiting, 3] = start, parts[k, 1], count, k
                 waiting += 1
         count += 1
     return count
@@ -90,8 +90,7 @@ def _largest(parts: NDArray[np.int64], number: int, node: np.void) -> int:
     """Return which part of a node to split next, of those that are no leaves: that of the largest box; -1 for none."""
     best, largest = -1.0, -ZERO - 1
     for k in range(number if number < WIDTH else 0):
-        x, y, z = column(node["half"], k)
-        area = x * y + y * z + z * x
+        area = _half_area(column(node["half"], k))
         if parts[k, 1] - parts[k, 0] > LEAF and area > best:
             best, largest = area, ZERO + k
     return largest
@@ -179,5 +178,10 @@ def _cost(counts: FloatArray, boxes: FloatArray, first: int, last: int) -> float
         x1, y1, z1 = max(x1, boxes[b, 3]), max(y1, boxes[b, 4]), max(z1, boxes[b, 5])
     if total == 0.0:
         return math.inf
-    x, y, z = x1 - x0, y1 - y0, z1 - z0
-    return total * (x * y + y * z + z * x)
+    return total * _half_area(Vec3(x1 - x0, y1 - y0, z1 - z0))
+
+
+@kernel
+def _half_area(box: Vec3) -> float:
+    """Return half the area of a box, given its extents."""
+    return box.x * box.y + box.y * box.z + box.z * box.x

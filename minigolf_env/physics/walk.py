@@ -30,8 +30,8 @@ a node are near, and their order: that of the highest is looked into first."""
 
 
 def new_walk() -> RecordArray:
-    """Return memory (1,) for the walks of one thread, one at a time."""
-    return np.zeros(1, WALK)
+    """Return memory (1,) for the walks of one thread, one at a time: each writes what it reads."""
+    return np.empty(1, WALK)
 
 
 @kernel
