@@ -155,7 +155,8 @@ def end(args: Run, name: str, best: Policy, file: Path, began: float) -> list[ev
     scores = final_tables(args, name, best, file.parent)
     CONSOLE.print(f"{time.monotonic() - began:.0f} s in all. Log: tensorboard --logdir {file.parent}", soft_wrap=True)
     if args.observation != "pixels":  # Files of convolutional networks are read by stable-baselines3 alone.
-        words = f"minigolf video --policy {file} --course {args.course} -o putt.mp4"
+        levels = "" if args.difficulty is None else f" --difficulty {args.difficulty}"
+        words = f"minigolf video --policy {file} --course {args.course}{levels} -o putt.mp4"
         CONSOLE.print(f"Watch it play: {words}", soft_wrap=True)
     return scores
 

@@ -72,6 +72,7 @@ def play(
 def video(
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"])] = Path("putt.mp4"),
     course: str = "dogleg",
+    difficulty: str | None = None,
     policy: str = "search",
     episodes: int = 1,
     seed: int = 0,
@@ -80,15 +81,17 @@ def video(
     fps: int = 30,
     profile: str = "high",
 ) -> None:
-    """Film a policy that plays a hole, or a round.
+    """Film a policy that plays a hole, a round, or levels.
 
     $ minigolf video -o putt.mp4
     $ minigolf video --policy ppo --camera top --size 1280 720
     $ minigolf video --course round --episodes 9 -o round.mp4
+    $ minigolf video --course procedural --difficulty medium --policy generalist
 
     Args:
         output: the file to write, .mp4 or .gif.
-        course: the hole, or "round" for nine in turn.
+        course: a hole's name or file, "round" for nine in turn, or "procedural" for levels.
+        difficulty: of levels: easy, medium or hard.
         policy: "search", "random", "ppo", "generalist" or a model's .zip or .npz file.
         episodes: how many to play: 9 are a whole round.
         seed: of the environment and the random policy.
@@ -99,7 +102,18 @@ def video(
     """
     from minigolf_env.video import film
 
-    film(output, course, policy, episodes=episodes, seed=seed, camera=camera, size=size, fps=fps, profile=profile)
+    film(
+        output,
+        course,
+        policy,
+        difficulty=difficulty,
+        episodes=episodes,
+        seed=seed,
+        camera=camera,
+        size=size,
+        fps=fps,
+        profile=profile,
+    )
 
 
 def courses(pictures: Path | None = None) -> None:

@@ -226,13 +226,16 @@ def test_missing_ffmpeg(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None
     assert list(tmp_path.iterdir()) == []
 
 
-def test_film_shows_every_putt(tmp_path: Path, gl: None, capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize("game", [{"course": "dogleg"}, {"course": "procedural", "difficulty": "medium"}])
+def test_film_shows_every_putt(
+    tmp_path: Path, gl: None, capsys: pytest.CaptureFixture[str], game: dict[str, str]
+) -> None:
     """One picture of the tee and fps a second of each putt; the last shows the ball where it lies."""
     path = tmp_path / "a.mp4"
-    film(path, policy="random", seed=3, camera="top", episodes=2, **SMALL)
+    film(path, policy="random", seed=3, camera="top", episodes=2, **game, **SMALL)
     player, total, strokes = RandomPolicy(3), 0, []
     for seed in (3, 4):
-        env = MiniGolfEnv("dogleg", "rgb_array", render_size=SIZE, camera="top", render_profile="fast")
+        env = MiniGolfEnv(render_mode="rgb_array", render_size=SIZE, camera="top", render_profile="fast", **game)
         observation, info = env.reset(seed=seed)
         over, total = False, total + 1
         while not over:
@@ -254,6 +257,8 @@ def test_film_shows_every_putt(tmp_path: Path, gl: None, capsys: pytest.CaptureF
         ({"policy": "none.zip"}, "none at none.zip"),
         ({"course": "doglegg"}, "did you mean 'dogleg'"),
         ({"course": "room"}, "a cup"),
+        ({"difficulty": "easy"}, "difficulty: expected with course='procedural'"),
+        ({"course": "procedural", "difficulty": "medum"}, "did you mean 'medium'"),
         ({"camera": "tpo"}, "did you mean 'top'"),
         ({"profile": "hig"}, "did you mean 'high'"),
         ({"size": (0, 48)}, "size: expected width and height"),

@@ -20,6 +20,7 @@ def film(
     course: str = "dogleg",
     policy: str | Path = "search",
     *,
+    difficulty: str | None = None,
     episodes: int = 1,
     seed: int = 0,
     camera: str = "follow",
@@ -33,6 +34,7 @@ def film(
         output: the file, .mp4 or .gif.
         course: as for MiniGolfEnv; of "round", the episodes are the holes in turn.
         policy: as for ``policies.load_policy``.
+        difficulty: of levels, as for MiniGolfEnv.
         episodes: how many are played, at least 1.
         seed: of the first episode and the random policy; the next episode's is one more.
         camera: a name of ``rendering.CAMERAS``.
@@ -54,7 +56,7 @@ def film(
     one_of(profile, PROFILES, "profile")
     player = load_policy(policy, seed)
     look: dict[str, Any] = {"render_size": size, "camera": camera, "render_profile": profile}
-    look |= {"observation": player.observation}
+    look |= {"observation": player.observation, "difficulty": difficulty}
     # Each episode has its own environment, which remembers its putts: what is to be drawn is known before it is drawn.
     stages = [MiniGolfEnv(course, "rgb_array_list", **look) for _ in range(episodes)]
     playing = tqdm(stages, "Playing", leave=False, disable=None)
