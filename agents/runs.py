@@ -64,7 +64,7 @@ class Run:
 
     start: Path | None = None
     """A model of the same program to begin with: its weights. To learn a harder game after an easier one."""
-    num_envs: int = 2048
+    num_envs: int = 1024
     check_every: int = 50_000
     """Putts between two checkpoints, each scored; the best one is kept."""
     check_episodes: int = 500

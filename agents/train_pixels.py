@@ -14,7 +14,7 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 from stable_baselines3.common.vec_env import VecMonitor
 
-from agents import runs, train_ppo
+from agents import train_ppo
 from minigolf_env.evaluation import Score
 
 
@@ -68,7 +68,7 @@ def build(args: Args, envs: VecMonitor) -> PPO:
 
 def main(args: Args) -> list[Score]:
     """Train, score, print the table."""
-    return runs.run(args, build, train_ppo.callbacks)
+    return train_ppo.main(args, build)
 
 
 if __name__ == "__main__":

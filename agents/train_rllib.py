@@ -54,6 +54,7 @@ class Args(Settings):
     """The command line."""
 
     n_steps: int = 4
+    batch_size: int = 512
     address: str | None = None
     """Of a Ray cluster: "auto" on one of its nodes, or HOST:PORT; by default Ray starts on this machine alone. With
     --resume it counts too: the cluster may have moved."""

@@ -8,6 +8,7 @@ import json
 import pickle
 import zipfile
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -38,6 +39,38 @@ def test_a_run_learns_saves_and_scores(tmp_path: Path) -> None:
     assert not [file for file in folder.iterdir() if file.name.startswith(".")], "half-written files"
     with pytest.raises(SystemExit, match="exists"):
         train_ppo.main(dataclasses.replace(TINY, out=folder))
+
+
+@pytest.mark.parametrize(
+    ("strokes", "seeds", "tried"),
+    [
+        ((1.0,), 3, [5]),
+        ((1.09,), 3, [5]),
+        ((1.3, 1.0), 3, [5, 6]),
+        ((1.3, 1.3, 1.3, 1.0), 3, [5, 6, 7]),
+        ((1.3,), 1, [5]),
+    ],
+)
+def test_a_run_that_got_stuck_is_followed_by_another(
+    strokes: tuple[float, ...], seeds: int, tried: list[int], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each with the next seed and a folder of its own, until one comes near to search or no seeds are left."""
+    ran: list[train_ppo.Args] = []
+
+    def run(args: train_ppo.Args, *_: object) -> list[Any]:
+        ran.append(args)
+        return [SimpleNamespace(strokes=mean) for mean in (9.0, 1.0, strokes[len(ran) - 1])]
+
+    monkeypatch.setattr(runs, "run", run)
+    scores = train_ppo.main(train_ppo.Args(seed=5, seeds=seeds, out=tmp_path / "run"))
+    assert [args.seed for args in ran] == tried and scores[-1].strokes == strokes[len(tried) - 1]
+    assert len({args.out for args in ran}) == len(tried)
+
+
+def test_more_seeds_need_search() -> None:
+    """Without it nothing tells that a run got stuck: that is said before it begins."""
+    with pytest.raises(SystemExit, match="seeds: expected 1 without search"):
+        train_ppo.main(train_ppo.Args(seeds=2, search_episodes=0))
 
 
 def test_an_interrupted_run_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
