@@ -34,6 +34,7 @@ class Args(train_ppo.Args):
     n_epochs: int = 4
     learning_rate: float = 1e-3
     log_std: tuple[float, float] = (-1.5, -3.5)
+    anneal: bool = True
     features: int = 64
     """Numbers that a picture becomes."""
 

@@ -52,9 +52,9 @@ class Args(Settings):
     """The command line."""
 
     seeds: int = 1
-    """Runs at most, each with the next seed, until one comes within 0.1 strokes of search: one in twenty gets stuck."""
-    anneal: bool = True
-    """Whether the noise narrows by ``log_std``; else PPO learns it, from the first on."""
+    """Runs at most, each with the next seed, until one comes within 0.1 strokes of search: some may get stuck."""
+    anneal: bool = False
+    """Whether the noise narrows by ``log_std`` on a fixed way; else PPO learns it, from the first on."""
     ent_coef: float = 0.0
     """What a unit of the noise's entropy is worth, where PPO learns the noise."""
     activation: Literal["tanh", "relu"] = "tanh"
@@ -63,8 +63,8 @@ class Args(Settings):
 class Annealing(BaseCallback):
     """Narrows the noise that the policy explores with, on a fixed way from wide to narrow.
 
-    Left to learn it, PPO narrows it around the first putts that leave a tap-in, and never finds the hole-in-one beside
-    them. Wide noise blurs the landscape of scores so that it has one hill; as the blur goes the policy stays on top.
+    Left to learn it from few updates, PPO may narrow it around the first putts that leave a tap-in, and never find the
+    hole-in-one beside them. Wide noise blurs the landscape of scores; as the blur goes the policy stays on top.
     """
 
     def __init__(self, start: float, end: float, putts: int) -> None:

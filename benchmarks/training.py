@@ -27,18 +27,20 @@ ROOT = Path(__file__).parents[1]
 
 VARIANTS = {
     "default": "",
-    "noise is learned": "--no-anneal",
-    "noise is learned, entropy bonus 0.003": "--no-anneal --ent-coef 0.003",
-    "noise is learned, entropy bonus 0.01": "--no-anneal --ent-coef 0.01",
-    "noise is learned, discount 0.9": "--no-anneal --gamma 0.9",
+    "entropy bonus 0.003": "--ent-coef 0.003",
+    "entropy bonus 0.01": "--ent-coef 0.01",
     "discount 0.9": "--gamma 0.9",
     "reward -1 a stroke": "--reward strokes",
-    "reward -1 a stroke, discount 0.9": "--reward strokes --gamma 0.9",
     "one epoch an update": "--n-epochs 1",
-    "learning rate 5e-4": "--learning-rate 5e-4",
-    "600,000 putts": "--putts 600_000",
-    "target KL 0.2": "--target-kl 0.2",
     "2,048 environments, batches of 512": "--num-envs 2048 --batch-size 512",
+    "noise narrows": "--anneal",
+    "noise narrows, discount 0.9": "--anneal --gamma 0.9",
+    "noise narrows, reward -1 a stroke": "--anneal --reward strokes",
+    "noise narrows, one epoch": "--anneal --n-epochs 1",
+    "noise narrows, learning rate 5e-4": "--anneal --learning-rate 5e-4",
+    "noise narrows, 600,000 putts": "--anneal --putts 600_000",
+    "noise narrows, target KL 0.2": "--anneal --target-kl 0.2",
+    "noise narrows, 2,048 environments": "--anneal --num-envs 2048 --batch-size 512",
 }
 """What each adds to the command line."""
 

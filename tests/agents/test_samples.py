@@ -148,7 +148,7 @@ def test_a_seed_gives_the_same_model(tmp_path: Path) -> None:
 
 def test_a_run_can_start_from_a_model(tmp_path: Path) -> None:
     """With a learning rate of zero it ends with the weights it began with, whatever its seed."""
-    args = train_ppo.Args(**TINY, n_steps=4, batch_size=16, anneal=False)
+    args = train_ppo.Args(**TINY, n_steps=4, batch_size=16)
     train_ppo.main(dataclasses.replace(args, out=tmp_path / "a"))
     start = tmp_path / "a" / "checkpoint.zip"
     train_ppo.main(dataclasses.replace(args, out=tmp_path / "b", seed=5, start=start, learning_rate=0.0))
