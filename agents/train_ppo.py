@@ -43,7 +43,7 @@ class Settings(runs.Run):
     gae_lambda: float = 0.5
     clip_range: float = 0.2
     log_std: tuple[float, float] = (-1.9, -5.0)
-    """Log of the noise's standard deviation (shares of the top speed), first and last; see ``Annealing``."""
+    """Log of the noise's standard deviation (shares of the top speed), first and, where it narrows on its way, last."""
     hidden: tuple[int, ...] = (64, 64)
 
 
