@@ -120,7 +120,7 @@ def callbacks(args: Args) -> Sequence[BaseCallback]:
 def main(args: Args, build: runs.Build[Any] = build) -> list[Score]:
     """Train, score, print the table; once more with the next seed if the hole is not learned and seeds are left."""
     if args.seeds > 1 and args.search_episodes == 0:
-        raise SystemExit(f"seeds: expected 1 without search to compare with, received {args.seeds}.")
+        raise SystemExit(f"seeds: expected 1 without search to compare with, received {args.seeds}; add --seeds 1.")
     scores = runs.run(args, build, callbacks)
     if args.seeds <= 1 or args.resume is not None:
         return scores
