@@ -41,23 +41,23 @@ test-all: $(INSTALLED) ## run the tests with each Python and Gymnasium, on wheel
 	$(BIN)/nox $(ARGS)
 
 soak: $(INSTALLED) ## look at every one of 10^8 steps in random rooms (minutes)
-	$(BIN)/python -m tests.soak $(ARGS)
+	$(BIN)/python -m tools.soak $(ARGS)
 
 supply: $(INSTALLED) ## write lock file, bill of materials and licences anew, after a change of constraints.txt
 	$(BIN)/nox -s supply
 
 endurance: $(INSTALLED) ## does the package tire of 10^7 putts and 10,000 environments? (half an hour)
-	$(BIN)/python -m tests.endurance $(ARGS)
+	$(BIN)/python -m tools.endurance $(ARGS)
 
 fuzz: $(INSTALLED) ## compare 10^5 sequences of calls with what must hold (an hour)
 	SEQUENCES=$${SEQUENCES:-100000} $(BIN)/python -m pytest -n $(WORKERS) tests/envs/test_sequences.py $(ARGS)
 
 mutants: $(INSTALLED) ## break the physics in many ways: do the tests notice? (twenty minutes)
-	$(BIN)/python -m tests.mutations $(ARGS)
+	$(BIN)/python -m tools.mutation.mutations $(ARGS)
 
 mutants-envs: $(INSTALLED) ## the same for rules and courses, with mutmut: 60 faults a module (an hour)
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt mutmut==3.8.1
-	$(BIN)/python -m tests.mutants --sample 60 $(ARGS)
+	$(BIN)/python -m tools.mutation.mutants --sample 60 $(ARGS)
 
 # Compiled kernels are not seen: the tests that end in time are run once more without the compiler. Python's own floats
 # would divide by zero with a warning.

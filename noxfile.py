@@ -48,7 +48,9 @@ def package(session: nox.Session, kind: str) -> None:
         shutil.copy(name, folder)
     session.chdir(folder)
     session.run("minigolf", "evaluate", "--policy", "ppo", "--episodes", "10")
-    session.run("pytest", *WITHOUT_LEARNING, "--ignore=tests/test_mutations.py", *session.posargs)  # Of the sources.
+    session.run(
+        "pytest", *WITHOUT_LEARNING, "--ignore=tests/tools/test_mutations.py", *session.posargs
+    )  # Of the sources.
     session.run("pip", "uninstall", "--yes", "minigolf-env")
     session.run(
         "python", "-c", "import importlib.util as u; assert u.find_spec('minigolf_env') is None, 'a rest stays'"

@@ -26,10 +26,11 @@ from rich.console import Console
 from tqdm import tqdm
 
 from agents.cluster import connect
-from minigolf_env import __version__, maps
+from minigolf_env import __version__
+from minigolf_env._atomic_io import atomic_write, write_text
+from minigolf_env.apps import putt_map as maps
 from minigolf_env.courses import Course, load_course
 from minigolf_env.envs.task import Result
-from minigolf_env.files import write_text, writing
 
 Arrays = dict[str, Any]
 
@@ -81,7 +82,7 @@ def play(course: Course, args: Args, among: range) -> Arrays:
 
 def save(path: Path, arrays: Arrays) -> None:
     """Write arrays so that the file is never half there."""
-    with writing(path) as part:
+    with atomic_write(path) as part:
         np.savez_compressed(part, **arrays)
 
 
@@ -167,7 +168,7 @@ def draw(course: Course, merged: Arrays, path: Path) -> None:
     figure.colorbar(image, ax=axes, label="balls at rest in a cell")
     putts, holed = merged["counts"].sum(), merged["counts"][Result.HOLED]
     axes.set_title(f"{course.name}: {putts:,} putts, {holed / putts:.2%} of them holes in one")
-    with writing(path) as part:
+    with atomic_write(path) as part:
         figure.savefig(part, dpi=120)
 
 

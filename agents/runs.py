@@ -28,10 +28,11 @@ from stable_baselines3.common.save_util import load_from_zip_file
 from stable_baselines3.common.vec_env import VecMonitor
 
 from agents.sb3_vec_env import SB3VecEnv
-from minigolf_env import evaluation, scoring
-from minigolf_env.files import remove_parts, write_text, writing
-from minigolf_env.network import check_model
-from minigolf_env.policies import Policy, PredictPolicy, load_policy
+from minigolf_env._atomic_io import atomic_write, remove_stale_temps, write_text
+from minigolf_env.evaluation import benchmark as scoring
+from minigolf_env.evaluation import evaluate as evaluation
+from minigolf_env.players.network import check_model
+from minigolf_env.players.policies import Policy, PredictPolicy, load_policy
 
 CONSOLE = Console()
 
@@ -118,7 +119,7 @@ def begin(args: Args) -> tuple[Args, Path]:
     """
     if args.resume is not None:
         resumed = read_args(type(args), args.resume), args.resume
-        remove_parts(args.resume)
+        remove_stale_temps(args.resume)
         return resumed
     check(args)
     stored = {**dataclasses.asdict(args), "out": None, "resume": None}
@@ -301,7 +302,7 @@ class Checkpoints(BaseCallback):
 
     def save(self, name: str) -> None:
         """Save the model under a name in the run's folder."""
-        with writing(self.folder / name) as part:
+        with atomic_write(self.folder / name) as part:
             self.model.save(part)
 
 

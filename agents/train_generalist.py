@@ -1,6 +1,7 @@
 """Train one policy on many levels, from what a ball feels around it, and score it on levels it has never seen.
 
-A network learns to judge putts: from what a ball can foresee of a putt (minigolf_env/sight.py), whether it holes out,
+A network learns to judge putts: from what a ball can foresee of a putt (minigolf_env/players/putt_features.py),
+whether it holes out,
 and how far it leaves to go if not. From each place many putts are tried, by ``what_if``: the one that it judges best,
 others near it, and others anywhere. One of them is played. The policy plays what it judges best of some hundred.
 That is regression, without a gradient of a policy: which of several ways to the cup is best may change from one level
@@ -29,13 +30,13 @@ from stable_baselines3.common.logger import configure
 from torch.nn.functional import binary_cross_entropy_with_logits, mse_loss, softplus
 
 from agents import runs
+from minigolf_env._atomic_io import atomic_write
 from minigolf_env.courses.procedural import PROCEDURAL
 from minigolf_env.envs.task import Game
-from minigolf_env.evaluation import Score
-from minigolf_env.files import writing
-from minigolf_env.network import Layer, Network, check_weights, read_network
-from minigolf_env.policies import ModelPolicy
-from minigolf_env.sight import MIRROR, NUMBERS, QUICK, SHORTEST, TOP_ROLL, Putts, actions, best, foresee
+from minigolf_env.evaluation.evaluate import Score
+from minigolf_env.players.network import Layer, Network, check_weights, read_network
+from minigolf_env.players.policies import ModelPolicy
+from minigolf_env.players.putt_features import MIRROR, NUMBERS, QUICK, SHORTEST, TOP_ROLL, Putts, actions, best, foresee
 
 Array = NDArray[np.float32]
 
@@ -239,13 +240,13 @@ class Training:
     def save(self) -> None:
         """Write the checkpoint: as a model that plays, and what else it takes to go on."""
         state = {"net": self.net.state_dict(), "optimizer": self.optimizer.state_dict(), "putts": self.putts}
-        with writing(self.folder / "checkpoint.pt") as part:
+        with atomic_write(self.folder / "checkpoint.pt") as part:
             torch.save(state, part)
         self.keep("checkpoint.npz")
 
     def keep(self, name: str) -> None:
         """Write the model that plays under a name."""
-        with writing(self.folder / name) as part:
+        with atomic_write(self.folder / name) as part:
             self.judge.save(part)
 
     def check(self) -> None:

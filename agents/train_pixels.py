@@ -15,7 +15,7 @@ from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 from stable_baselines3.common.vec_env import VecMonitor
 
 from agents import train_ppo
-from minigolf_env.evaluation import Score
+from minigolf_env.evaluation.evaluate import Score
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from stable_baselines3.common.utils import LinearSchedule
 from stable_baselines3.common.vec_env import VecMonitor
 
 from agents import runs
-from minigolf_env.evaluation import Score
+from minigolf_env.evaluation.evaluate import Score
 
 ENOUGH = 0.1
 """Mean strokes above search's with which a hole counts as learned."""

@@ -27,11 +27,11 @@ from stable_baselines3.common.logger import configure
 from agents import runs
 from agents.cluster import connect, import_ray
 from agents.train_ppo import Settings
+from minigolf_env._atomic_io import commit
 from minigolf_env.courses import load_course
 from minigolf_env.courses.procedural import PROCEDURAL
-from minigolf_env.evaluation import Score
-from minigolf_env.files import publish
-from minigolf_env.policies import load_policy
+from minigolf_env.evaluation.evaluate import Score
+from minigolf_env.players.policies import load_policy
 
 ENVIRONMENT = "minigolf_env:MiniGolf-v0"
 """With the module's name: a worker on another node has imported nothing of ours."""
@@ -151,7 +151,7 @@ class Training(runs.Checkpoints):
         shutil.rmtree(beside, ignore_errors=True)
         if not place.exists():
             self.algorithm.save_to_path(str(beside.resolve()))
-            publish(beside, place)
+            commit(beside, place)
         for old in self.kept()[:-1]:
             shutil.rmtree(old)
 

@@ -13,7 +13,7 @@ from stable_baselines3 import SAC
 from stable_baselines3.common.vec_env import VecMonitor
 
 from agents import runs
-from minigolf_env.evaluation import Score
+from minigolf_env.evaluation.evaluate import Score
 
 
 @dataclass(frozen=True)

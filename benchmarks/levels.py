@@ -25,7 +25,7 @@ from minigolf_env.courses.procedural import DIFFICULTIES, GENERATOR
 from minigolf_env.courses.procedural.build import build_level
 from minigolf_env.envs import MiniGolfEnv, Result, Task
 from minigolf_env.envs.task import FloatArray
-from minigolf_env.scoring import strokes_of_search
+from minigolf_env.evaluation.benchmark import strokes_of_search
 
 WAVES = 4
 """Putts that each ball of random play makes, each from where the one before ended."""

@@ -17,7 +17,7 @@ from benchmarks.report import print_table
 from benchmarks.watch import watch
 from minigolf_env.courses import list_courses, par_of
 from minigolf_env.envs import MiniGolfEnv
-from minigolf_env.scoring import mean_interval, strokes_of_search, with_interval
+from minigolf_env.evaluation.benchmark import mean_interval, strokes_of_search, with_interval
 
 NOISE = (1.5, 0.05)
 """Standard deviations of direction (degrees) and speed (share of it)."""

@@ -14,7 +14,7 @@ import tyro
 
 from benchmarks.watch import stuck
 from minigolf_env.courses import list_courses, load_course
-from minigolf_env.envs.options import make_task
+from minigolf_env.envs.config import make_task
 from minigolf_env.physics import Status
 
 

@@ -24,9 +24,9 @@ from benchmarks.report import print_table
 from minigolf_env.courses import load_course
 from minigolf_env.envs import MiniGolfVectorEnv
 from minigolf_env.rendering.camera import view
-from minigolf_env.rendering.frame import Frame
 from minigolf_env.rendering.offscreen import draw
-from minigolf_env.rendering.playback import flag_foot
+from minigolf_env.rendering.replay import flag_foot
+from minigolf_env.rendering.scene_state import Frame
 
 SIZES = ((640, 480), (256, 256), (84, 84))
 PICTURES = 30

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from minigolf_env.scoring import write_record
+from minigolf_env.evaluation.benchmark import write_record
 
 Records = dict[str, dict[str, Any]]
 """What a table holds: its rows by name, their cells by the column's name."""

@@ -18,9 +18,9 @@ from tqdm import tqdm
 from benchmarks.report import print_table
 from minigolf_env.courses.procedural import DIFFICULTIES
 from minigolf_env.envs import MiniGolfEnv
-from minigolf_env.planning import THOROUGH, Plan, search
-from minigolf_env.policies import RandomPolicy
-from minigolf_env.scoring import mean_interval, with_interval
+from minigolf_env.evaluation.benchmark import mean_interval, with_interval
+from minigolf_env.players.policies import RandomPolicy
+from minigolf_env.players.search import THOROUGH, Plan, search
 
 Planner = Callable[[MiniGolfEnv], Plan]
 

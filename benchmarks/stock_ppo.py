@@ -14,8 +14,8 @@ import gymnasium as gym
 import tyro
 from stable_baselines3 import PPO
 
-from minigolf_env import evaluation
-from minigolf_env.policies import ModelPolicy
+from minigolf_env.evaluation import evaluate as evaluation
+from minigolf_env.players.policies import ModelPolicy
 
 
 @dataclass(frozen=True)

@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from minigolf_env.catalogue import picture
+from minigolf_env.apps.course_check import picture
 from minigolf_env.courses import load_course
 from minigolf_env.courses.procedural import DIFFICULTIES, level_name
 from minigolf_env.envs import MiniGolfEnv
-from minigolf_env.planning import search
+from minigolf_env.players.search import search
 from minigolf_env.rendering.offscreen import draw
-from minigolf_env.rendering.playback import Replay
+from minigolf_env.rendering.replay import Replay
 
 PICTURES = Path(__file__).parent / "pictures"
 SIZE = (960, 540)

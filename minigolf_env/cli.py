@@ -64,7 +64,7 @@ def play(
         profile: "high", "fast" or "auto".
         log: print each event as a line of JSON, for programs that watch.
     """
-    from minigolf_env.play import run
+    from minigolf_env.apps.play import run
 
     run(course, opponent=opponent, size=size, profile=profile, log=log)
 
@@ -100,9 +100,9 @@ def video(
         fps: pictures a second.
         profile: "high" or "fast".
     """
-    from minigolf_env.video import film
+    from minigolf_env.apps.record_policy import record_policy
 
-    film(
+    record_policy(
         output,
         course,
         policy,
@@ -125,7 +125,7 @@ def courses(pictures: Path | None = None) -> None:
     Args:
         pictures: a folder to write a picture of each to, and all of them on one sheet, courses.png.
     """
-    from minigolf_env.catalogue import table, write_pictures
+    from minigolf_env.apps.course_check import table, write_pictures
 
     print(table())
     if pictures is not None:
@@ -142,8 +142,8 @@ def check(file: Annotated[str, tyro.conf.Positional], preview: Path | None = Non
         file: a .toml or .glb file, or a bundled course's name.
         preview: a picture to write, if the hole can be loaded: .png.
     """
-    from minigolf_env.catalogue import check as faults_of
-    from minigolf_env.catalogue import write_preview
+    from minigolf_env.apps.course_check import check as faults_of
+    from minigolf_env.apps.course_check import write_preview
     from minigolf_env.courses import CourseError, load_course
 
     faults = list(faults_of(file))
@@ -181,7 +181,7 @@ def map_(
         directions: how many.
         speeds: how many.
     """
-    from minigolf_env.maps import write_map
+    from minigolf_env.apps.putt_map import write_map
 
     place = None if tee is None else _place(tee)
     putts = write_map(output, course, place, directions, speeds, progress=True)
@@ -218,9 +218,10 @@ def evaluate(
     """
     from dataclasses import asdict
 
-    from minigolf_env import evaluation, scoring
-    from minigolf_env.files import check_output
-    from minigolf_env.policies import load_policy
+    from minigolf_env._atomic_io import check_output
+    from minigolf_env.evaluation import benchmark as scoring
+    from minigolf_env.evaluation import evaluate as evaluation
+    from minigolf_env.players.policies import load_policy
 
     if json is not None:
         check_output(json)
@@ -263,8 +264,8 @@ def benchmark(
     """
     from dataclasses import asdict
 
-    from minigolf_env import scoring
-    from minigolf_env.files import check_output
+    from minigolf_env._atomic_io import check_output
+    from minigolf_env.evaluation import benchmark as scoring
 
     if json is not None:
         check_output(json)

@@ -20,7 +20,7 @@ if os.environ.get("CI"):
 @functools.cache
 def why_no_pictures() -> str | None:
     """Return why nothing can be drawn on this machine; None if it can."""
-    from minigolf_env.rendering.gl_context import HeadlessContext
+    from minigolf_env.rendering.gl.context import HeadlessContext
 
     try:
         HeadlessContext()

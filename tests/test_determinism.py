@@ -1,4 +1,4 @@
-"""Some of the episodes of tests/determinism.py, and the law that stored hashes, version and CHANGELOG move together."""
+"""Some of the episodes of tools/determinism.py, and the law that stored hashes, version and CHANGELOG move together."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ import numpy as np
 import pytest
 
 from minigolf_env.physics import parallel
-from tests import determinism
-from tests.determinism import FIRST, ID, KINDS, REMEDY, ROOT, Args, Hashes, digests, feed, line_of, stored
 from tests.physics import golden
+from tools import determinism
+from tools.determinism import FIRST, ID, KINDS, REMEDY, ROOT, Args, Hashes, digests, feed, line_of, stored
 
 SLOWLY = """
 import minigolf_env.physics.vec3 as vec3
 from minigolf_env.physics import TriangleMesh, World
-from tests.determinism import digests
+from tools.determinism import digests
 floor = TriangleMesh([(-2, -2, 0), (2, -2, 0), (2, 2, 0), (-2, 2, 0)], [(0, 1, 2), (0, 2, 3)])
 hit = World([floor]).sweep((0.3, 0.1, 0.02), (1.3, 0.1, 0.02))  # Along an edge: the kernels divide zero by zero.
 assert [type(value) for value in (hit.hit, hit.alpha, hit.triangle)] == [bool, float, int], hit
@@ -52,7 +52,7 @@ def test_without_machine_code_bits_are_the_same() -> None:
 def test_the_version_of_today_is_stored_and_changelog_names_each() -> None:
     """Whoever changes a hash has to say so in CHANGELOG.md."""
     changes = (ROOT / "CHANGELOG.md").read_text()
-    assert ID in stored(), f"{ID} has no hashes: python -m tests.determinism --write"
+    assert ID in stored(), f"{ID} has no hashes: python -m tools.determinism --write"
     for version, hashes in stored().items():
         assert line_of(version, hashes) in changes, f"CHANGELOG.md must say: {line_of(version, hashes)}"
     assert set(stored()[ID]["golden"]) == set(golden.SCENES)

@@ -19,18 +19,19 @@ import tyro
 
 import minigolf_env
 from minigolf_env import cli
-from minigolf_env.catalogue import check
+from minigolf_env.apps.course_check import check
 from minigolf_env.courses import list_courses
 from minigolf_env.courses.files import build_course, parse_description, read_description
 from minigolf_env.courses.library import DATA
-from minigolf_env.envs import MiniGolfEnv, MiniGolfVectorEnv, options
+from minigolf_env.envs import MiniGolfEnv, MiniGolfVectorEnv
+from minigolf_env.envs import config as options
 from tests.markdown import PAGES, ROOT, anchors, blocks, inline, links, name, tokens
 
 DOCS = ROOT / "docs"
 PACKAGE = Path(minigolf_env.__file__).parent  # Installed, it is not beside the pages.
 COURSES, ENVIRONMENT = DOCS / "courses.md", DOCS / "environment.md"
 
-PACKAGES = ("envs", "physics", "courses", "wrappers", "video")
+PACKAGES = ("envs", "physics", "courses", "wrappers")
 """Rooms whose every name is public."""
 
 CLAIMS = {

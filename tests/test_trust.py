@@ -18,7 +18,7 @@ import sys
 import gymnasium as gym, numpy as np, minigolf_env
 from minigolf_env.courses import load_course
 from minigolf_env.envs import MiniGolfEnv
-from minigolf_env.policies import load_policy
+from minigolf_env.players.policies import load_policy
 
 def play(course="dogleg"):
     env = gym.make("MiniGolf-v0", course=course)

@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 from minigolf_env.envs import MiniGolfEnv
-from minigolf_env.envs import options as door
+from minigolf_env.envs import config as door
 
 ROOT = Path(__file__).parents[1]
 

@@ -1,7 +1,7 @@
 """Lets pages link to files outside of docs/ as they do on a code host: such a file gets a page of its own in the site.
 
-The site is docs/ laid over the root of the repository: docs/courses.md becomes courses.html, agents/ship.py becomes
-agents/ship.py.html, a page that shows the source. Links are followed from page to page.
+The site is docs/ laid over the root of the repository: docs/courses.md becomes courses.html, agents/x.py becomes
+agents/x.py.html, a page that shows the source. Links are followed from page to page.
 """
 
 from __future__ import annotations

@@ -9,6 +9,7 @@ import numpy as np
 import shapely
 from trimesh import Trimesh
 
+from minigolf_env._validation import one_of
 from minigolf_env.courses import description as d
 from minigolf_env.courses import solids
 from minigolf_env.courses.course import Course, CourseError, Cup, Part, Point3, Tee, faults_of
@@ -17,7 +18,6 @@ from minigolf_env.courses.outlines import outline
 from minigolf_env.courses.parts import Site, holds_cup, solids_of
 from minigolf_env.courses.solids import Outline, cup_liner
 from minigolf_env.courses.surfaces import Look, known_surfaces
-from minigolf_env.physics.checks import one_of
 
 BELOW, ABOVE = 0.3, 2.0
 """How far bounds reach below the lowest floor, and above the highest, m: beyond where a ball in play can fly."""

@@ -14,10 +14,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from minigolf_env._atomic_io import write_text
 from minigolf_env.courses.course import Course, Point2, Point3
 from minigolf_env.courses.description import CourseFile
 from minigolf_env.courses.files import build_course, describe_data, to_toml
-from minigolf_env.files import write_text
 
 
 class Hole:

@@ -13,8 +13,8 @@ from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 
+from minigolf_env._validation import finite_array, one_of, positive_number
 from minigolf_env.physics import TriangleMesh, World
-from minigolf_env.physics.checks import finite_array, one_of, positive_number
 
 Point2: TypeAlias = tuple[float, float]
 Point3: TypeAlias = tuple[float, float, float]

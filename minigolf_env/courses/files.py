@@ -14,11 +14,11 @@ import tomli_w
 from pydantic import ValidationError
 from trimesh import Trimesh
 
+from minigolf_env._validation import one_of
 from minigolf_env.courses.build import build
 from minigolf_env.courses.course import Course, CourseError, Part
 from minigolf_env.courses.description import CourseFile
 from minigolf_env.courses.limits import Limits
-from minigolf_env.physics.checks import one_of
 
 SCHEMA = Path(__file__).parent / "data" / "course.schema.json"
 """What editors complete course files from."""

@@ -6,10 +6,10 @@ import functools
 from collections.abc import Sequence
 from pathlib import Path
 
+from minigolf_env._validation import one_of, positive_number
 from minigolf_env.courses.course import Course, CourseError
 from minigolf_env.courses.limits import Limits
 from minigolf_env.courses.procedural import PROCEDURAL, is_level_name, level_name, load_level
-from minigolf_env.physics.checks import one_of, positive_number
 
 DATA = Path(__file__).parent / "data"
 

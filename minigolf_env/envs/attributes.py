@@ -9,7 +9,7 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from minigolf_env.envs.options import one_each
+from minigolf_env.envs.config import one_each
 from minigolf_env.envs.task import Outcome
 
 Observations = NDArray[Any]

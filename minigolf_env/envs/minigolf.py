@@ -10,8 +10,8 @@ from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
 from minigolf_env.courses import Course
-from minigolf_env.envs.options import Options, check_actions, check_lie, check_options, make_setup, require_lie
-from minigolf_env.envs.state import number_of, read_state, state_of
+from minigolf_env.envs.config import Options, check_actions, check_lie, check_options, make_setup, require_lie
+from minigolf_env.envs.episode_state import number_of, read_state, state_of
 from minigolf_env.envs.task import FloatArray, Outcome, Result, action_space
 from minigolf_env.rendering import FPS, RENDER_MODES, Screen, Stage
 

@@ -17,7 +17,7 @@ from gymnasium.spaces import Box, Space
 from numpy.typing import NDArray
 
 from minigolf_env.courses import Course, Cup
-from minigolf_env.envs.holes import Holes, Leg
+from minigolf_env.envs.hole_params import Holes, Leg
 from minigolf_env.physics import Status, World, WorldBatch
 
 FloatArray = NDArray[np.float64]

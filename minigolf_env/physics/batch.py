@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from minigolf_env.physics import simulate as kernels
-from minigolf_env.physics.kernel import announced_compilation
-from minigolf_env.physics.neighbourhood import forget
+from minigolf_env.physics import step as kernels
+from minigolf_env.physics.candidate_cache import forget
+from minigolf_env.physics.jit import announced_compilation
 from minigolf_env.physics.parallel import in_parallel
+from minigolf_env.physics.traversal import new_walk
 from minigolf_env.physics.types import RESULT, TOLERANCE, FloatArray, RecordArray, Scene, Shot
-from minigolf_env.physics.walk import new_walk
 
 FEW = 64
 """Distances that are found sooner than threads are started."""

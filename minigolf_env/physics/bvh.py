@@ -10,7 +10,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from minigolf_env.physics.kernel import entry_kernel, kernel
+from minigolf_env.physics.jit import entry_kernel, kernel
 from minigolf_env.physics.types import NODE, WIDTH, ZERO, FloatArray, RecordArray, Vec3
 from minigolf_env.physics.vec3 import column, put
 

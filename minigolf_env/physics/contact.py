@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from minigolf_env.physics.kernel import entry_kernel, kernel
+from minigolf_env.physics.jit import entry_kernel, kernel
 from minigolf_env.physics.sweep import Collision
 from minigolf_env.physics.types import FloatArray, Scene, Vec3
 from minigolf_env.physics.vec3 import along, cross, dot, norm, scale, sub, vec3

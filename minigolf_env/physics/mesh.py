@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from minigolf_env.physics.checks import finite_array
+from minigolf_env._validation import finite_array
 from minigolf_env.physics.types import FloatArray, Surface
 
 LARGEST = 1e9
@@ -136,8 +136,8 @@ def _dot(a: Sequence[FloatArray], b: Sequence[FloatArray]) -> FloatArray:
 
 
 def _checked_vertices(vertices: ArrayLike, name: str) -> FloatArray:
-    remedy = "give one row of x, y, z in metres a vertex, near the origin."
-    array = finite_array(vertices, (None, 3), f"{name}: vertices", remedy, LARGEST)
+    hint = "give one row of x, y, z in metres a vertex, near the origin."
+    array = finite_array(vertices, (None, 3), f"{name}: vertices", hint, LARGEST)
     array.flags.writeable = False
     return array
 

@@ -6,11 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from minigolf_env.physics.kernel import entry_kernel, kernel
+from minigolf_env.physics.jit import entry_kernel, kernel
 from minigolf_env.physics.swept_sphere import LATER, MISS, offset, sweep_triangle
+from minigolf_env.physics.traversal import begin, next_leaf_on_path, next_leaf_within
 from minigolf_env.physics.types import TRUE, ZERO, RecordArray, Scene, Vec3
 from minigolf_env.physics.vec3 import dot, norm, scale
-from minigolf_env.physics.walk import begin, next_leaf_on_path, next_leaf_within
 
 
 class Collision(NamedTuple):

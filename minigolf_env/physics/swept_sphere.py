@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 
-from minigolf_env.physics.kernel import kernel
+from minigolf_env.physics.jit import kernel
 from minigolf_env.physics.types import Vec3
 from minigolf_env.physics.vec3 import add, along, dot, norm, scale, sub, vec3
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from minigolf_env.physics.kernel import kernel
+from minigolf_env.physics.jit import kernel
 from minigolf_env.physics.types import FloatArray, Vec3
 
 

@@ -9,14 +9,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from minigolf_env.physics import simulate as kernels
+from minigolf_env._validation import finite_array, one_of, positive_number
+from minigolf_env.physics import step as kernels
 from minigolf_env.physics.batch import NO_LOG, NO_PATH, check_clear, clearance_rows, shot_of, simulate_rows, sweep_rows
 from minigolf_env.physics.bvh import build_tree
-from minigolf_env.physics.checks import finite_array, one_of, positive_number
-from minigolf_env.physics.kernel import announced_compilation
+from minigolf_env.physics.jit import announced_compilation
 from minigolf_env.physics.mesh import TriangleMesh
-from minigolf_env.physics.normals import triangle_records
 from minigolf_env.physics.sweep import Collision, sweep, sweep_scan
+from minigolf_env.physics.traversal import new_walk
+from minigolf_env.physics.triangles import triangle_records
 from minigolf_env.physics.types import (
     IMPACT,
     RESULT,
@@ -29,7 +30,6 @@ from minigolf_env.physics.types import (
     Status,
     Vec3,
 )
-from minigolf_env.physics.walk import new_walk
 
 IMPACTS = ("average", "conservative")
 

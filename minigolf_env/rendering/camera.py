@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from minigolf_env.courses import Course
-from minigolf_env.rendering.models import POLE_HEIGHT
+from minigolf_env.rendering.props import POLE_HEIGHT
 
 FloatArray = NDArray[np.float64]
 

@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 
 from minigolf_env.courses import Course
 from minigolf_env.rendering.camera import Camera
-from minigolf_env.rendering.frame import Frame
-from minigolf_env.rendering.gl_context import Context, HeadlessContext
-from minigolf_env.rendering.moving import moving_part
+from minigolf_env.rendering.dirty_rect import moving_part
+from minigolf_env.rendering.gl.context import Context, HeadlessContext
+from minigolf_env.rendering.scene_state import Frame
 
 if TYPE_CHECKING:
-    from minigolf_env.rendering.gl_renderer import Renderer
+    from minigolf_env.rendering.gl.renderer import Renderer
 
 Picture = NDArray[np.uint8]
 View = tuple[Course, Camera, tuple[int, int], str]
@@ -94,7 +94,7 @@ class Studio:
     def renderer(self) -> Renderer:
         """Return the renderer; the context is current."""
         if self._renderer is None:
-            from minigolf_env.rendering.gl_renderer import Renderer
+            from minigolf_env.rendering.gl.renderer import Renderer
 
             self._renderer = Renderer()
         return self._renderer

@@ -18,14 +18,14 @@ from numpy.typing import NDArray
 
 from minigolf_env.courses import Course
 from minigolf_env.rendering.camera import Camera
+from minigolf_env.rendering.episode_renderer import Settings
 from minigolf_env.rendering.errors import RenderingError
-from minigolf_env.rendering.frame import Frame
-from minigolf_env.rendering.gl_context import INSTALL, check_process, for_windows
-from minigolf_env.rendering.playback import Replay
-from minigolf_env.rendering.screen import Settings
+from minigolf_env.rendering.gl.context import INSTALL, check_process, for_windows
+from minigolf_env.rendering.replay import Replay
+from minigolf_env.rendering.scene_state import Frame
 
 if TYPE_CHECKING:
-    from minigolf_env.rendering.gl_objects import Target
+    from minigolf_env.rendering.gl.objects import Target
 
 Picture = NDArray[np.uint8]
 
@@ -63,7 +63,7 @@ class Window:
         self._drawn: Target | None = None
         with for_windows():
             self.window = open_window(settings.size, f"minigolf: {course.name}", **options)
-            from minigolf_env.rendering.gl_renderer import Renderer, renderer_name
+            from minigolf_env.rendering.gl.renderer import Renderer, renderer_name
 
             self.window.switch_to()
             self._renderer = Renderer()

@@ -14,9 +14,8 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from minigolf_env.physics.checks import whole_number
-from minigolf_env.video import Writer
-from minigolf_env.video.writer import check_fps
+from minigolf_env._validation import integer
+from minigolf_env.rendering.video_writer import VideoWriter, check_fps
 
 Trigger = Callable[[int], bool]
 RECORDABLE = ("rgb_array", "rgb_array_list")
@@ -57,7 +56,7 @@ class Recorder:
         quiet: bool,
         gc_trigger: Trigger | None,
     ) -> None:
-        whole_number(length, "video_length", 0, remedy="give a number of pictures, or 0 for whole episodes.")
+        integer(length, "video_length", 0, hint="give a number of pictures, or 0 for whole episodes.")
         if episode_trigger is None and step_trigger is None:
             episode_trigger = cubes
         self.folder = Path(folder).expanduser().absolute()
@@ -67,7 +66,7 @@ class Recorder:
         """Of the video that is being recorded."""
         self._triggers = episode_trigger, step_trigger, gc_trigger
         self._length, self._prefix, self._quiet = length, prefix, quiet
-        self._writer: Writer | None = None
+        self._writer: VideoWriter | None = None
         self.folder.mkdir(parents=True, exist_ok=True)
         if any(self.folder.glob(f"{escape(prefix)}-*.mp4")):
             gym.logger.warn(f"{self.folder} has videos named {prefix}-*.mp4, which new ones replace.")
@@ -120,7 +119,7 @@ class Recorder:
     def _add(self, picture: NDArray[np.uint8]) -> None:
         if self._writer is None:
             height, width, _ = picture.shape
-            self._writer = Writer(self.folder / f"{self.name}.mp4", (width, height), self.fps)
+            self._writer = VideoWriter(self.folder / f"{self.name}.mp4", (width, height), self.fps)
         self._writer.add(picture)
         if 0 < self._length <= self._writer.pictures:
             self.stop()

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from minigolf_env.envs import MiniGolfVectorEnv
 from minigolf_env.envs.attributes import Actions, Observations
-from minigolf_env.envs.minigolf_vector import Flags
+from minigolf_env.envs.vector import Flags
 from minigolf_env.rendering import tile
 from minigolf_env.wrappers.recorder import RECORDABLE, Recorder, Trigger
 

@@ -13,12 +13,13 @@ import pytest
 import torch
 from stable_baselines3 import PPO, SAC
 
-from agents import ship, train_generalist, train_ppo
-from minigolf_env import policies
-from minigolf_env.evaluation import evaluate
-from minigolf_env.network import Layer, Network
-from minigolf_env.policies import ModelPolicy, PredictPolicy, load_policy
-from minigolf_env.sight import NUMBERS
+from agents import release_model as ship
+from agents import train_generalist, train_ppo
+from minigolf_env.evaluation.evaluate import evaluate
+from minigolf_env.players import policies
+from minigolf_env.players.network import Layer, Network
+from minigolf_env.players.policies import ModelPolicy, PredictPolicy, load_policy
+from minigolf_env.players.putt_features import NUMBERS
 
 ENV = "minigolf_env:MiniGolf-v0"
 SMALL = {"n_steps": 8, "batch_size": 8}

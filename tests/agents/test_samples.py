@@ -13,10 +13,10 @@ import torch
 from stable_baselines3 import PPO
 
 from agents import runs, train_generalist, train_pixels, train_ppo, train_sac
-from minigolf_env.evaluation import evaluate
-from minigolf_env.network import read_network
-from minigolf_env.policies import ModelPolicy
-from minigolf_env.sight import NUMBERS
+from minigolf_env.evaluation.evaluate import evaluate
+from minigolf_env.players.network import read_network
+from minigolf_env.players.policies import ModelPolicy
+from minigolf_env.players.putt_features import NUMBERS
 
 TINY: dict[str, Any] = {
     "putts": 64,

@@ -17,11 +17,11 @@ from minigolf_env.courses import Course, CourseError, load_course
 from minigolf_env.courses.procedural import DIFFICULTIES, GENERATOR, LEVELS_KEPT, _build, level_name
 from minigolf_env.courses.procedural import layout as layouts
 from minigolf_env.courses.procedural.build import BORDER, FELT, build_level
-from minigolf_env.courses.procedural.draws import Draws
 from minigolf_env.courses.procedural.features import FEATURES, LEAST_SLOPE, Feature
 from minigolf_env.courses.procedural.layout import Layout, lay_out
+from minigolf_env.courses.procedural.portable_rng import Draws
 from minigolf_env.envs import MiniGolfEnv
-from minigolf_env.envs.options import _world
+from minigolf_env.envs.config import _world
 
 PINNED = {
     ("easy", 0): "7032471adce0945f",

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from minigolf_env.courses import Course, load_course
 from minigolf_env.envs import MiniGolfEnv, MiniGolfVectorEnv, Outcome
 from minigolf_env.physics import Hit, Shot, Surface, TriangleMesh, World
-from minigolf_env.planning import Plan, search
+from minigolf_env.players.search import Plan, search
 
 made = gym.make("MiniGolf-v0", course="dogleg", render_mode="rgb_array")
 assert_type(made, gym.Env[Any, Any])

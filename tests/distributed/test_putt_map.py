@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from agents import putt_map
+from minigolf_env.apps.putt_map import simulate
 from minigolf_env.envs.task import Result
-from minigolf_env.maps import simulate
 from minigolf_env.physics import TriangleMesh
 
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::ResourceWarning")

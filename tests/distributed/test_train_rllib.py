@@ -17,8 +17,8 @@ import pytest
 
 from agents import runs, train_rllib
 from agents.cluster import connect
-from minigolf_env.evaluation import evaluate
-from minigolf_env.policies import PredictPolicy
+from minigolf_env.evaluation.evaluate import evaluate
+from minigolf_env.players.policies import PredictPolicy
 
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::ResourceWarning")
 
@@ -173,7 +173,7 @@ def test_the_exported_model_plays_the_same_putts_without_ray(args: train_rllib.A
         import sys
         sys.modules["ray"] = None
         import numpy as np
-        from minigolf_env.policies import load_policy
+        from minigolf_env.players.policies import load_policy
         policy = load_policy("exported/model.zip")
         np.save("actions.npy", [policy.act(observation, None) for observation in np.load("observations.npy")])
     """
@@ -236,7 +236,7 @@ def test_at_no_moment_is_the_folder_without_a_checkpoint(tmp_path: Path, monkeyp
         monkeypatch.setattr(module, name, watched)
 
     watch(shutil, "rmtree")
-    watch(train_rllib, "publish")
+    watch(train_rllib, "commit")
     for training.num_timesteps in (100, 100, 200):
         training.keep()
     assert [file.name for file in tmp_path.iterdir()] == ["checkpoint-200"]

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from minigolf_env.envs import MiniGolfEnv, MiniGolfVectorEnv
-from minigolf_env.envs.levels import ALL, Levels
-from tests.envs.twins import Twins
+from minigolf_env.envs.samplers import ALL, Levels
+from tests.envs.vector_parity import Twins
 
 
 def make(**options: Any) -> MiniGolfEnv:

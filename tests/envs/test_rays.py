@@ -11,7 +11,7 @@ from gymnasium.utils.env_checker import check_env
 from numpy.typing import NDArray
 
 from minigolf_env.envs import MiniGolfEnv, MiniGolfVectorEnv
-from minigolf_env.envs.rays import RAYS, REACH, TURNS
+from minigolf_env.envs.observations.rays import RAYS, REACH, TURNS
 
 BALL = 0.02135
 

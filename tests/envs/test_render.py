@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 import minigolf_env  # noqa: F401 (registers the environments)
 from minigolf_env.envs import MiniGolfEnv, MiniGolfVectorEnv
-from minigolf_env.envs.pixels import SIDE
+from minigolf_env.envs.observations.pixels import SIDE
 from minigolf_env.rendering import FPS, RenderingError
 
 pytestmark = pytest.mark.usefixtures("gl")

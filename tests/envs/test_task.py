@@ -9,7 +9,7 @@ import pytest
 import shapely
 
 from minigolf_env.envs import Task
-from minigolf_env.envs.options import make_task
+from minigolf_env.envs.config import make_task
 from minigolf_env.envs.task import OBSERVATION, Outcome, Result, action_space, observation_space, of_rows, together
 from minigolf_env.physics import WorldBatch
 

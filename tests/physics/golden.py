@@ -1,4 +1,4 @@
-"""Scenes of the golden trajectories, whose hashes are stored (tests/determinism.py).
+"""Scenes of the golden trajectories, whose hashes are stored (tools/determinism.py).
 
 They are stored or exact numbers: sine and cosine, which differ between machines, take no part in them.
 """

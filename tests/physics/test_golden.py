@@ -2,8 +2,8 @@
 
 import pytest
 
-from tests.determinism import ID, REMEDY, stored
 from tests.physics import golden
+from tools.determinism import ID, REMEDY, stored
 
 
 @pytest.mark.parametrize("name", golden.SCENES)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from minigolf_env.physics import Status, Surface, World
-from minigolf_env.physics.simulate import PATIENCE
+from minigolf_env.physics.step import PATIENCE
 from tests.physics.scenes import BALL, G, about_y, grid, mesh, rotation
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from minigolf_env.courses import load_course
 from minigolf_env.rendering.camera import CAMERAS, MARGIN, Camera, FloatArray, follow_view, view
-from minigolf_env.rendering.models import POLE_HEIGHT
+from minigolf_env.rendering.props import POLE_HEIGHT
 
 ASPECTS = (0.1, 0.6, 1.0, 16 / 9)
 COURSES = ("dogleg", "room")

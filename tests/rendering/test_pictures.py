@@ -18,10 +18,11 @@ import pytest
 from PIL import Image
 
 from minigolf_env.courses import load_course
-from minigolf_env.rendering import Frame, Line, RenderingError, flag_at_rest, gl_context
+from minigolf_env.rendering import Frame, Line, RenderingError, flag_at_rest
 from minigolf_env.rendering.camera import Camera, view
+from minigolf_env.rendering.gl import context as gl_context
 from minigolf_env.rendering.offscreen import Picture, Studio, draw, studio
-from minigolf_env.rendering.playback import flag_foot
+from minigolf_env.rendering.replay import flag_foot
 
 pytestmark = pytest.mark.usefixtures("gl")
 
@@ -188,7 +189,8 @@ def test_the_comparison_notices_broken_shaders(
     broken: str, name: str, change: tuple[str, str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Without one of the lights a stored picture is missed by more than it may be."""
-    from minigolf_env.rendering import gl_objects, offscreen
+    from minigolf_env.rendering import offscreen
+    from minigolf_env.rendering.gl import objects as gl_objects
 
     sources = gl_objects.source
 
@@ -205,7 +207,8 @@ def test_the_comparison_notices_broken_shaders(
 
 def test_an_interrupted_picture_spoils_no_other(monkeypatch: pytest.MonkeyPatch) -> None:
     """Wherever drawing stops, the next picture is right, and so is that of a course drawn for the first time."""
-    from minigolf_env.rendering import gl_objects, gl_renderer
+    from minigolf_env.rendering.gl import objects as gl_objects
+    from minigolf_env.rendering.gl import renderer as gl_renderer
 
     expected = picture(), picture(camera="top"), picture(camera="top")
 

@@ -202,7 +202,7 @@ def test_windows_and_other_users_of_egl_live_together(display: str) -> None:
     """A context that another library has left current keeps its state and stays current; the window is drawn."""
     code = """
         from OpenGL import EGL, GL
-        from minigolf_env.rendering.gl_context import HeadlessContext
+        from minigolf_env.rendering.gl.context import HeadlessContext
         def current(): return __import__("ctypes").cast(EGL.eglGetCurrentContext(), __import__("ctypes").c_void_p).value
         with HeadlessContext().current():
             buffers = GL.glGenBuffers(3)

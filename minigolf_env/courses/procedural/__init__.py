@@ -8,10 +8,10 @@ from __future__ import annotations
 import functools
 import re
 
+from minigolf_env._validation import one_of
 from minigolf_env.courses.course import Course, CourseError, Cup
 from minigolf_env.courses.procedural.build import build_level
 from minigolf_env.courses.procedural.layout import DIFFICULTIES, GENERATOR
-from minigolf_env.physics.checks import one_of
 
 __all__ = ["DIFFICULTIES", "GENERATOR", "LEVELS_KEPT", "PROCEDURAL", "is_level_name", "level_name", "load_level"]
 

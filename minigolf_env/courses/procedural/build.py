@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minigolf_env.courses.course import GOLF_BALL, Course, CourseError, Cup, Material, Part, Tee
-from minigolf_env.courses.procedural.draws import FINE, Draws, circle
 from minigolf_env.courses.procedural.features import HEIGHT, ROLLING, ROOT
 from minigolf_env.courses.procedural.layout import DIFFICULTIES, GENERATOR, TEE_LENGTH, Layout, lay_out
 from minigolf_env.courses.procedural.meshes import PITCH, Solid, between_loops, loft, merged, revolved, slab
+from minigolf_env.courses.procedural.portable_rng import FINE, Draws, circle
 from minigolf_env.physics import Surface, TriangleMesh
 
 SIDES = 64

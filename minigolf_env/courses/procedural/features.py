@@ -12,9 +12,9 @@ from typing import TypeAlias
 
 import numpy as np
 
-from minigolf_env.courses.procedural.draws import Draws, circle
 from minigolf_env.courses.procedural.lane import QUARTER, Lane
 from minigolf_env.courses.procedural.meshes import box, loft, prism, revolved
+from minigolf_env.courses.procedural.portable_rng import Draws, circle
 
 Feature: TypeAlias = Callable[[Lane, Draws], None]
 

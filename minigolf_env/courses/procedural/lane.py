@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from minigolf_env.courses.course import Point2, Point3
-from minigolf_env.courses.procedural.draws import direction
 from minigolf_env.courses.procedural.meshes import GRAIN, Solid
+from minigolf_env.courses.procedural.portable_rng import direction
 
 QUARTER = 6
 """Steps of heading in a right angle."""

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from minigolf_env.courses.procedural.draws import Draws
 from minigolf_env.courses.procedural.features import FEATURES
 from minigolf_env.courses.procedural.lane import Lane
+from minigolf_env.courses.procedural.portable_rng import Draws
 
 GENERATOR = 1
 """Version of the levels, part of their names: raised whenever any level changes."""

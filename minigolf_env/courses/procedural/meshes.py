@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from minigolf_env.courses.procedural.draws import circle
+from minigolf_env.courses.procedural.portable_rng import circle
 
 FloatArray: TypeAlias = NDArray[np.float64]
 Indices: TypeAlias = NDArray[np.int64]

@@ -1,0 +1,259 @@
+"""The door of the environments: their arguments are checked here once and become a Task."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, NamedTuple, TypedDict
+
+import numpy as np
+from gymnasium.vector import AutoresetMode
+from numpy.typing import ArrayLike, NDArray
+
+from minigolf_env._validation import finite_array, integer, one_of, positive_number, unknown_choice_message
+from minigolf_env.courses import NINE, ROUND, Course, list_courses, load_course
+from minigolf_env.courses.library import ROOMS
+from minigolf_env.courses.procedural import DIFFICULTIES, LEVELS_KEPT, PROCEDURAL, is_level_name, level_name
+from minigolf_env.envs.hole_params import Holes
+from minigolf_env.envs.observations import OBSERVERS, Observer
+from minigolf_env.envs.samplers import Levels, OneHole, Round, Tasks
+from minigolf_env.envs.task import REWARDS, FloatArray, Task
+from minigolf_env.physics import World
+from minigolf_env.physics.world import IMPACTS
+from minigolf_env.rendering import CAMERAS, PROFILES, Settings, check_size
+
+TEES = ("random", "fixed")
+
+NOISE = "give the standard deviations of direction (degrees) and speed (share of it)."
+LIE = "give the ball's centre, m."
+PUTT = "a putt is a vector x, y; its length, up to 1, is the share of the top speed."
+
+
+class Options(TypedDict, total=False):
+    """Further arguments of an environment; MiniGolfEnv's docstring says what they mean."""
+
+    observation: str
+    render_size: tuple[int, int]
+    camera: str
+    render_profile: str
+    render_speed: float
+    difficulty: str | None
+    start_level: int | None
+    num_levels: int | None
+    reward: str
+    max_strokes: int
+    tee: str
+    top_speed: float | None
+    cup_radius: float | None
+    putt_noise: tuple[float, float]
+    dt: float
+    impact: str
+
+
+class Setup(NamedTuple):
+    """What an environment's arguments describe."""
+
+    tasks: Tasks
+    observer: Observer
+    settings: Settings
+    """How it shows itself."""
+
+
+def make_setup(
+    course: str | Course,
+    render_modes: Sequence[str],
+    render_mode: str | None,
+    *,
+    observation: str = "state",
+    render_size: tuple[int, int] = (640, 480),
+    camera: str = "follow",
+    render_profile: str = "auto",
+    render_speed: float = 1.0,
+    **rules: Any,
+) -> Setup:
+    """Return what an environment's arguments describe; MiniGolfEnv's docstring says what they mean.
+
+    Raises:
+        TypeError: there is no such argument.
+        ValueError: an argument is not what it should be.
+    """
+    names = ("num_envs", "autoreset_mode", "course", "render_mode", *Options.__annotations__)
+    for name in rules.keys() - set(names):
+        raise TypeError(unknown_choice_message(name, names, "argument"))
+    if render_mode is not None:
+        one_of(render_mode, render_modes, "render_mode")
+    settings = Settings(
+        mode=render_mode,
+        size=check_size(render_size, "render_size"),
+        camera=one_of(camera, CAMERAS, "camera"),
+        profile=one_of(render_profile, PROFILES, "render_profile"),
+        speed=positive_number(render_speed, "render_speed", "1 is real time."),
+    )
+    observer = OBSERVERS[one_of(observation, tuple(OBSERVERS), "observation")]
+    return Setup(make_tasks(course, **rules), observer, settings)
+
+
+def make_tasks(
+    course: str | Course = "dogleg",
+    *,
+    difficulty: str | None = None,
+    start_level: int | None = None,
+    num_levels: int | None = None,
+    **rules: Any,
+) -> Tasks:
+    """Return what an environment's arguments draw holes from.
+
+    Raises:
+        TypeError: there is no such argument.
+        ValueError: an argument is not what it should be, or of levels while the course has none.
+    """
+    chosen = {"difficulty": difficulty, "start_level": start_level, "num_levels": num_levels}
+    given: dict[str, Any] = {name: value for name, value in chosen.items() if value is not None}
+    if course != PROCEDURAL:
+        if given:
+            raise ValueError(
+                f"{', '.join(given)}: expected with course={PROCEDURAL!r} only, received {given} with {course!r:.80}."
+            )
+        return _make_round(rules) if course == ROUND else OneHole(make_task(_check_name(course), **rules))
+    known = one_of(given.get("difficulty", DIFFICULTIES[0]), DIFFICULTIES, "difficulty")
+    levels = Levels(
+        functools.partial(_make_level, known, rules), given.get("start_level", 0), given.get("num_levels", 500)
+    )
+    levels.first()  # What is wrong with the rules is said here, not at the first reset.
+    return levels
+
+
+def make_task(
+    course: str | Course = "dogleg",
+    *,
+    reward: str = "shaped",
+    max_strokes: int = 10,
+    tee: str = "random",
+    top_speed: float | None = None,
+    cup_radius: float | None = None,
+    putt_noise: tuple[float, float] = (0.0, 0.0),
+    dt: float = 1 / 120,
+    impact: str = "average",
+) -> Task:
+    """Return the course and the rules that an environment's arguments describe.
+
+    Raises:
+        ValueError: an argument is not what it should be.
+    """
+    golf = load_course(course, cup_radius=cup_radius)
+    if golf.cup is None:
+        raise ValueError(
+            f"course: expected one with a cup, received {golf.name!r}; "
+            "load_course(...).world() throws a ball in a room without golf."
+        )
+    speed = golf.top_speed if top_speed is None else top_speed
+    return Task(
+        courses=(golf,),
+        holes=Holes.of(golf, positive_number(speed, "top_speed", "give the launch speed of a full putt in m/s.")),
+        world=_world(golf, positive_number(dt, "dt", "1/120 s suits minigolf."), one_of(impact, IMPACTS, "impact")),
+        reward=one_of(reward, REWARDS, "reward"),
+        max_strokes=integer(max_strokes, "max_strokes", 1),
+        random_tee=one_of(tee, TEES, "tee") == "random",
+        putt_noise=check_noise(putt_noise),
+    )
+
+
+def _check_name(course: str | Course) -> str | Course:
+    """Return a course that is no unknown name, or raise a ValueError: unlike load_course's, it knows sets of holes."""
+    if isinstance(course, str) and not Path(course).suffix and not is_level_name(course):
+        return one_of(course, (*list_courses(), ROUND, PROCEDURAL, *ROOMS), "course")
+    return course
+
+
+def _make_round(rules: dict[str, Any]) -> Round:
+    """Return the round; what is wrong with the rules is said here, not at a later hole."""
+    nine = Round(functools.partial(_make_hole, rules), len(NINE))
+    for number in range(1, 1 + (1 if rules.get("cup_radius") is None else nine.number)):
+        nine.level(number)
+    return nine
+
+
+def _make_hole(rules: dict[str, Any], number: int) -> Task:
+    return replace(make_task(NINE[number - 1], **rules), level=number)
+
+
+def _make_level(difficulty: str, rules: dict[str, Any], level: int) -> Task:
+    return replace(make_task(level_name(difficulty, level), **rules), level=level)
+
+
+def check_actions(actions: ArrayLike, shape: tuple[int | None, ...]) -> FloatArray:
+    """Return putts of a shape such as (2,) as an array, or raise a ValueError."""
+    return finite_array(actions, shape, "action", PUTT)
+
+
+def check_lie(task: Task, position: ArrayLike) -> FloatArray:
+    """Return a ball's centre (3,) as an array if the ball can lie there, or raise a ValueError."""
+    ball = finite_array(position, (3,), "position", LIE)
+    require_lie(task, ball)
+    return ball
+
+
+def require_lie(task: Task, balls: FloatArray) -> None:
+    """Raise a ValueError unless balls (3,) or (N, 3) can lie there: in free space within the bounds."""
+    task.world.require_free(balls)
+    lower, upper = np.asarray(task.course.bounds)
+    outside = ((balls < lower) | (balls > upper)).any(axis=-1)
+    if outside.any():
+        raise ValueError(
+            f"position: expected a place within the course's bounds {lower.tolist()} to {upper.tolist()}, "
+            f"received {balls[outside].reshape(-1, 3)[0].tolist()}; the ball would be out of bounds."
+        )
+
+
+def check_autoreset(mode: str | AutoresetMode) -> AutoresetMode:
+    """Return when a batch resets, or raise a ValueError."""
+    known = [m.value for m in AutoresetMode]
+    if mode not in known and mode not in list(AutoresetMode):
+        raise ValueError(f"autoreset_mode: expected one of {known}, received {mode!r}.")
+    return AutoresetMode(mode)
+
+
+def check_options(options: Any, *known: str) -> dict[str, Any]:
+    """Return a copy of the options of a reset, which may have these keys, or raise a ValueError."""
+    given = {} if options is None else options
+    if not isinstance(given, dict):
+        raise ValueError(f"options: expected a dict or None, received {given!r:.80}.")
+    unknown = sorted(map(str, given.keys() - set(known)))
+    if unknown:
+        raise ValueError(f"options: expected only {' and '.join(map(repr, known))}, received {unknown} as well.")
+    return dict(given)
+
+
+def check_mask(mask: Any, n: int) -> NDArray[np.int64]:
+    """Return which of n environments a mask (n,) chooses, all without one; or raise a ValueError."""
+    if mask is None:
+        return np.arange(n)
+    if not (isinstance(mask, np.ndarray) and mask.dtype == np.bool_ and mask.shape == (n,) and mask.any()):
+        raise ValueError(f"reset_mask: expected a bool array of shape ({n},) with a True in it, received {mask!r:.80}.")
+    return np.flatnonzero(mask)
+
+
+def one_each(value: Any, n: int, what: str) -> list[Any]:
+    """Return the values of n environments from a sequence of them, or raise a ValueError."""
+    values = list(value) if isinstance(value, (Sequence, np.ndarray)) and not isinstance(value, str) else None
+    if values is None or len(values) != n:
+        received = f"{value!r:.80}" if values is None else f"{len(values)}"
+        raise ValueError(f"{what}: expected {n}, one for each environment, received {received}.")
+    return values
+
+
+def check_noise(value: tuple[float, float]) -> tuple[float, float]:
+    """Return standard deviations of direction (degrees) and speed (share of it), or raise a ValueError."""
+    degrees, share = finite_array(value, (2,), "putt_noise", NOISE).tolist()
+    if degrees < 0.0 or share < 0.0:
+        raise ValueError(f"putt_noise: expected numbers >= 0, received {value!r}; {NOISE}")
+    return degrees, share
+
+
+@functools.lru_cache(maxsize=LEVELS_KEPT)
+def _world(course: Course, dt: float, impact: str) -> World:
+    """Return the course's world; worlds are immutable, so environments share them."""
+    world: World = course.world(dt=dt, impact=impact)
+    return world

@@ -1,5 +1,0 @@
-"""Minigolf to play by hand, in a window."""
-
-from minigolf_env.play.start import run
-
-__all__ = ["run"]

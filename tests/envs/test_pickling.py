@@ -1,0 +1,101 @@
+"""A copy plays on with the same bits: made by pickle or deepcopy, sent to another process, or beside another thread."""
+
+from __future__ import annotations
+
+import copy
+import multiprocessing
+import pickle
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from gymnasium.error import ResetNeeded
+
+from minigolf_env.envs import MiniGolfEnv, MiniGolfVectorEnv
+from minigolf_env.physics import parallel
+from tests.envs.pickling import MADE, make, play
+
+ROOT = Path(__file__).parents[2]
+COPIES: dict[str, Callable[[Any], Any]] = {
+    "deepcopy": copy.deepcopy,
+    **{f"pickle {p}": lambda env, p=p: pickle.loads(pickle.dumps(env, p)) for p in (2, 5)},  # noqa: S301 (ours)
+}
+
+
+@pytest.mark.parametrize("how", COPIES)
+@pytest.mark.parametrize(("name", "mode"), MADE)
+def test_a_copy_goes_on_alike(name: str, mode: str | None, how: str) -> None:
+    """From the middle of an episode, twice, and the original and an earlier copy do not notice."""
+    env = make(name, mode)
+    env.reset(seed=3)
+    play(env, 3, 0)
+    before = env.get_state()
+    first, second = COPIES[how](env), COPIES[how](COPIES[how](env))
+    seen = play(first, 6, 100)
+    assert env.get_state() == second.get_state() == before
+    assert seen == play(second, 6, 100) == play(env, 6, 100)
+    assert first.get_state() == env.get_state() != before
+
+
+@pytest.mark.parametrize("how", COPIES)
+@pytest.mark.parametrize("mode", [None, "NextStep"])
+def test_a_copy_of_what_has_not_begun_has_not_begun(mode: str | None, how: str) -> None:
+    """Its first reset is as good as any."""
+    env = make("levels", mode)
+    twin = COPIES[how](env)
+    with pytest.raises(ResetNeeded):
+        twin.get_state()
+    assert twin.reset(seed=5)[0].tobytes() == env.reset(seed=5)[0].tobytes()
+    assert play(twin, 3, 0) == play(env, 3, 0)
+
+
+@pytest.mark.parametrize("how", COPIES)
+@pytest.mark.parametrize("mode", [None, "SameStep"])
+def test_a_copy_shows_the_same_pictures(mode: str | None, how: str, gl: None) -> None:
+    """What has been played and not been looked at yet goes with it."""
+    show: dict[str, Any] = {"render_mode": "rgb_array_list", "render_size": (32, 24), "render_profile": "fast"}
+    env: Any = MiniGolfEnv(**show) if mode is None else MiniGolfVectorEnv(2, autoreset_mode=mode, **show)
+    env.reset(seed=3)
+    env.step(np.full((2,) if mode is None else (2, 2), 0.3))
+    twin = COPIES[how](env)
+    ours, theirs = ([env.render()], [twin.render()]) if mode is None else (env.render(), twin.render())
+    for some, others in zip(ours, theirs, strict=True):
+        assert len(some) == len(others) > 1 and all(map(np.array_equal, some, others))
+
+
+@pytest.mark.parametrize("method", multiprocessing.get_all_start_methods())
+def test_another_process_goes_on_alike(method: str) -> None:
+    """However it was started."""
+    command = [sys.executable, "-W", "error", "-m", "tests.envs.pickling", method]
+    done = subprocess.run(command, cwd=ROOT, text=True, capture_output=True, timeout=600, check=False)
+    lines = [line.split() for line in done.stdout.splitlines()]
+    assert done.returncode == 0 and len(lines) == len(MADE), done.stderr
+    assert all(there == here for there, here in lines) and len({here for _, here in lines}) == len(MADE)
+
+
+@pytest.fixture
+def hasty() -> Iterator[None]:
+    """Let threads take turns a thousand times as often as usual: those that disturb each other do so soon."""
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(1e-3 * before)
+    yield
+    sys.setswitchinterval(before)
+
+
+def test_threads_do_not_disturb_each_other(hasty: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Environments and batches, made and played in threads at once, see what they see alone."""
+    monkeypatch.setattr(parallel, "_number", lambda: 2)
+
+    def one(which: int) -> str:
+        env = make(*MADE[which % len(MADE)])
+        env.reset(seed=which)
+        return play(env, 6, which)
+
+    alone = [one(which) for which in range(2 * len(MADE))]
+    with ThreadPoolExecutor(4) as pool:
+        assert list(pool.map(one, range(2 * len(MADE)))) == alone

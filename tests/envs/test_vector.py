@@ -1,0 +1,279 @@
+"""The native batch is N single environments."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from typing import Any
+
+import gymnasium as gym
+import numba
+import numpy as np
+import pytest
+
+from minigolf_env.courses import list_courses
+from minigolf_env.envs import MiniGolfEnv, MiniGolfVectorEnv
+from tests.envs.vector_parity import Twins
+
+SEED = 11
+N = 7
+MODES = ["NextStep", "SameStep", "Disabled"]
+
+
+def actions(step: int) -> np.ndarray:
+    """Return putts (N, 2), some of which hole out from near the cup."""
+    return np.random.default_rng(step).uniform(-1, 1, (N, 2)).astype(np.float32)
+
+
+def make(mode: str, **options: Any) -> gym.vector.VectorEnv:
+    """Return the batch through Gymnasium's own door."""
+    return gym.make_vec("minigolf_env:MiniGolf-v0", num_envs=N, autoreset_mode=mode, max_strokes=3, **options)
+
+
+@pytest.fixture
+def threads() -> Iterator[None]:
+    """Leave numba's number of threads as it was."""
+    before = numba.get_num_threads()
+    yield
+    numba.set_num_threads(before)
+
+
+@pytest.mark.parametrize("noise", [(0.0, 0.0), (0.5, 0.015)])
+@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize("many", [1, 2])
+def test_each_environment_equals_a_single_one(mode: str, noise: tuple[float, float], many: int, threads: None) -> None:
+    """Environment i is a single environment seeded seed + i, bit for bit, in every mode, whatever the threads."""
+    if many > numba.config.NUMBA_NUM_THREADS:
+        pytest.skip("needs as many cores")
+    numba.set_num_threads(many)
+    Twins(mode, N, max_strokes=3, putt_noise=noise).play(8)
+
+
+@pytest.mark.parametrize("course", [*list_courses(), "procedural"])
+@pytest.mark.parametrize("mode", MODES)
+def test_they_are_equal_on_every_course(mode: str, course: str) -> None:
+    """In every mode, with noise."""
+    Twins(mode, 3, course=course, max_strokes=2, putt_noise=(0.5, 0.015)).play(5)
+
+
+@pytest.mark.parametrize(
+    ("observation", "reward"), [("state", "shaped"), ("state", "strokes"), ("rays", "shaped"), ("pixels", "strokes")]
+)
+@pytest.mark.parametrize("course", ["dogleg", "procedural"])
+@pytest.mark.parametrize("mode", MODES)
+def test_they_are_equal_whatever_is_seen_and_rewarded(
+    mode: str, course: str, observation: str, reward: str, request: pytest.FixtureRequest
+) -> None:
+    """In every mode, on one hole and on levels; with the other options changed, too."""
+    if observation == "pixels":
+        request.getfixturevalue("gl")
+    options: dict[str, Any] = {"tee": "fixed", "impact": "conservative", "top_speed": 3.0, "cup_radius": 0.08}
+    Twins(mode, 3, course=course, max_strokes=2, reward=reward, observation=observation, **options).play(5)
+
+
+@pytest.mark.parametrize("course", ["dogleg", "procedural"])
+@pytest.mark.parametrize("mode", MODES)
+def test_states_go_from_batch_to_single_and_back(mode: str, course: str) -> None:
+    """In the middle of episodes and at their ends: equal states, from which both go on alike, as often as one wants."""
+    options: dict[str, Any] = {"course": course, "max_strokes": 2, "putt_noise": (0.5, 0.015)}
+    twins = Twins(mode, 4, **options)
+    for first in range(3):
+        states = twins.batch.get_state()
+        assert states == [env.get_state() for env in twins.singles]
+        twins.play(3, first)
+        after = twins.batch.get_state()
+        twins.batch.set_state(states)
+        assert twins.batch.get_state() == states
+        twins.singles = [MiniGolfEnv(**options) for _ in states]
+        for env, state in zip(twins.singles, states, strict=True):
+            env.set_state(state)
+        twins.over = np.array([state["over"] for state in states])
+        twins.play(3, first)
+        assert twins.batch.get_state() == after
+
+
+def test_a_batch_goes_on_from_states_without_a_reset() -> None:
+    """As a single environment does; a state of one's own needs no more than a position."""
+    batch = MiniGolfVectorEnv(2)
+    states = [{"position": (0.4, 0.5, 0.1), "strokes": 3}, {"position": (0.6, 0.5, 0.1)}]
+    batch.set_state(states)
+    assert [state["position"] for state in batch.get_state()] == [(0.4, 0.5, 0.1), (0.6, 0.5, 0.1)]
+    assert batch.step(np.zeros((2, 2)))[-1]["strokes"].tolist() == [4, 1]
+
+
+GOOD = {"position": (0.4, 0.5, 0.1)}
+
+
+@pytest.mark.parametrize(
+    ("states", "words"),
+    [
+        (GOOD, "states: expected 3, one for each environment"),
+        ([GOOD] * 2, "states: expected 3, one for each environment, received 2"),
+        ("abc", "states: expected 3"),
+        ([GOOD, GOOD, "left"], "state 2: state: expected 'position'"),
+        ([GOOD, {"position": (0.4, 0.5, -0.1)}, GOOD], "state 1: position: expected a ball in"),
+        ([GOOD, GOOD, {"position": (9.0, 9.0, 0.1)}], "state 2: position: expected a place within"),
+        ([GOOD, {"position": (0.4, 0.5)}, GOOD], "state 1: position: expected shape"),
+        ([GOOD, GOOD, GOOD | {"strokes": 99}], "state 2: strokes"),
+        ([GOOD, GOOD, GOOD | {"strokes": 10}], "state 2: strokes: expected"),
+        ([GOOD, GOOD, GOOD | {"np_random": {"state": 1}}], "state 2: np_random"),
+        ([GOOD, GOOD | {"over": True}, GOOD], "state 1: over: expected an episode that goes on"),
+        ([GOOD, GOOD | {"level": 3}, GOOD], "state 1: level: expected none"),
+    ],
+)
+def test_bad_states_are_refused_and_change_nothing(states: Any, words: str) -> None:
+    """Whichever of them is bad, and before the first reset too."""
+    batch = MiniGolfVectorEnv(3, autoreset_mode="SameStep")
+    for k in range(2):
+        with pytest.raises(ValueError, match=words):
+            batch.set_state(states)
+        if k == 0:
+            with pytest.raises(gym.error.ResetNeeded):
+                batch.get_state()
+            batch.reset(seed=1)
+            before = batch.get_state()
+    assert batch.get_state() == before
+
+
+@pytest.mark.parametrize("course", ["dogleg", "procedural"])
+def test_what_if_is_that_of_single_environments(course: str) -> None:
+    """For putts of its own, and for the same putts everywhere; no ball moves and nothing is drawn."""
+    twins = Twins("NextStep", 4, course=course, max_strokes=2, putt_noise=(0.5, 0.015))
+    for k in range(3):
+        twins.play(1, k)
+        before, putts = twins.batch.get_state(), twins.putts(k, 6)
+        own, same, none = (twins.batch.what_if(actions) for actions in (putts, putts[0], putts[:, :0]))
+        assert twins.batch.get_state() == before
+        assert own.position.shape == (4, 6, 3) and own.holed.shape == (4, 6) and none.result.shape == (4, 0)
+        for i, env in enumerate(twins.singles):
+            for outcome, mine in ((own, putts[i]), (same, putts[0])):
+                for many, one in zip(outcome, env.what_if(mine), strict=True):
+                    assert many[i].dtype == one.dtype and many[i].tobytes() == one.tobytes()
+
+
+def test_what_if_takes_putts_only() -> None:
+    """For all environments or for each; finite ones; after a reset."""
+    batch = MiniGolfVectorEnv(3)
+    with pytest.raises(gym.error.ResetNeeded):
+        batch.what_if(np.zeros((5, 2)))
+    batch.reset(seed=0)
+    for wrong in (np.zeros(2), np.zeros((2, 5, 2)), np.zeros((3, 5, 3)), np.zeros((1, 3, 5, 2)), "left", np.inf):
+        with pytest.raises(ValueError, match="action: expected"):
+            batch.what_if(wrong)
+
+
+def test_call_gives_what_single_environments_give() -> None:
+    """What Gymnasium's own SyncVectorEnv gives by call and get_attr."""
+    batch = MiniGolfVectorEnv(3)
+    loop = gym.vector.SyncVectorEnv([MiniGolfEnv] * 3)
+    batch.reset(seed=5), loop.reset(seed=5)
+    assert batch.call("get_state") == loop.call("get_state")
+    putts = np.random.default_rng(0).uniform(-1, 1, (4, 2))
+    for mine, theirs in zip(batch.call("what_if", putts), loop.call("what_if", actions=putts), strict=True):
+        assert all(a.tobytes() == b.tobytes() for a, b in zip(mine, theirs, strict=True))
+    for name in ("render_mode", "action_space", "observation_space"):
+        assert batch.get_attr(name) == loop.get_attr(name) == batch.call(name)
+    assert [task.course.name for task in batch.get_attr("task")] == ["dogleg"] * 3
+    assert batch.get_attr("metadata")[0]["render_fps"] == 30 and batch.call("render") == (None,) * 3
+
+
+def test_generators_can_be_set() -> None:
+    """One each; all other attributes follow from the rules, or are shared."""
+    batch, twin = MiniGolfVectorEnv(2), MiniGolfVectorEnv(2)
+    rngs = [gym.utils.seeding.np_random(seed)[0] for seed in (8, 9)]
+    with pytest.raises(gym.error.ResetNeeded):
+        batch.set_attr("np_random", rngs)
+    batch.reset(seed=0)
+    batch.set_attr("np_random", rngs)
+    assert batch.get_attr("np_random") == tuple(rngs)
+    assert batch.reset()[0].tobytes() == twin.reset(seed=8)[0].tobytes()
+    for wrong in (
+        rngs[0],
+        rngs[:1],
+        [rngs[0]] * 2,
+        [1, 2],
+        [np.random.Generator(np.random.MT19937(k)) for k in (1, 2)],
+        [np.random.PCG64(k) for k in (1, 2)],
+        [np.random.Generator(rngs[0].bit_generator) for _ in range(2)],
+    ):
+        with pytest.raises(ValueError, match="np_random: expected 2"):
+            batch.set_attr("np_random", wrong)
+    assert batch.get_attr("np_random") == tuple(rngs)
+    for name in ("render_mode", "task", "strokes"):
+        with pytest.raises(AttributeError, match=f"expected 'np_random', received '{name}'"):
+            batch.set_attr(name, [None, None])
+    for name in ("step", "reset", "set_state", "strokes"):
+        with pytest.raises(AttributeError, match=f"'get_state', 'render' or 'what_if', received '{name}'"):
+            batch.call(name)
+
+
+def test_a_smaller_batch_has_the_same_streams() -> None:
+    """What environment i sees does not depend on how many others there are."""
+    large, small = make("NextStep"), gym.make_vec("minigolf_env:MiniGolf-v0", num_envs=2, max_strokes=3)
+    assert large.reset(seed=SEED)[0][:2].tobytes() == small.reset(seed=SEED)[0].tobytes()
+    for step in range(5):
+        assert large.step(actions(step))[0][:2].tobytes() == small.step(actions(step)[:2])[0].tobytes()
+
+
+@pytest.mark.parametrize("mode", MODES[:2])
+def test_arrays_are_new_each_step(mode: str) -> None:
+    """Nothing returned is overwritten later, or shared with another array: learners keep references."""
+    batch = make(mode)
+    kept = [*arrays(batch.reset(seed=0)), *(array for k in range(4) for array in arrays(batch.step(actions(k))))]
+    before = [array.tolist() for array in kept]
+    batch.step(actions(4))
+    assert [array.tolist() for array in kept] == before
+    assert not any(np.shares_memory(a, b) for a, b in itertools.combinations(kept, 2))
+
+
+def arrays(results: Any) -> list[np.ndarray]:
+    """Return all the arrays in what reset or step returned, but those that show the end's observations."""
+    values = results.values() if isinstance(results, dict) else results
+    found = (arrays(value) if isinstance(value, (dict, tuple)) else [value] for value in values)
+    return [array for several in found for array in several]
+
+
+def test_spaces_and_metadata() -> None:
+    """The batch has the single environment's spaces, batched, and says how it resets."""
+    batch, single = make("SameStep"), MiniGolfEnv()
+    assert isinstance(batch.unwrapped, MiniGolfVectorEnv)
+    assert batch.single_action_space == single.action_space
+    assert batch.single_observation_space == single.observation_space
+    assert batch.observation_space.contains(batch.reset(seed=0)[0])
+    assert batch.metadata["autoreset_mode"] == gym.vector.AutoresetMode.SAME_STEP
+
+
+@pytest.mark.parametrize(
+    ("options", "word"),
+    [
+        ({"num_envs": 0}, "num_envs"),
+        ({"autoreset_mode": "Never"}, "autoreset_mode"),
+        ({"render_mode": "human"}, "render"),
+    ],
+)
+def test_bad_arguments_are_named(options: dict[str, Any], word: str) -> None:
+    """A wrong argument is a ValueError that names it."""
+    with pytest.raises(ValueError, match=word):
+        MiniGolfVectorEnv(**options)
+
+
+def test_a_bad_action_changes_nothing() -> None:
+    """One NaN refuses the whole batch and leaves it as it was."""
+    batch, twin = make("NextStep"), make("NextStep")
+    batch.reset(seed=1), twin.reset(seed=1)
+    bad = actions(0)
+    bad[3, 1] = np.nan
+    for wrong in (bad, actions(0)[:-1], "left"):
+        with pytest.raises(ValueError, match="action"):
+            batch.step(wrong)
+    assert batch.step(actions(0))[0].tobytes() == twin.step(actions(0))[0].tobytes()
+
+
+def test_a_disabled_batch_asks_for_its_reset() -> None:
+    """Without autoreset a step after the end is refused."""
+    batch = make("Disabled")
+    batch.reset(seed=0)
+    for _ in range(3):
+        batch.step(np.zeros((N, 2)))
+    with pytest.raises(gym.error.ResetNeeded, match="reset_mask"):
+        batch.step(np.zeros((N, 2)))

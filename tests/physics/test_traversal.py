@@ -1,0 +1,100 @@
+"""The tree changes the cost of a query and never its answer."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from minigolf_env.physics import TriangleMesh, World, sweep_sphere
+from minigolf_env.physics.bvh import LEAF, LOPSIDED, build_tree
+from minigolf_env.physics.jit import entry_kernel
+from minigolf_env.physics.traversal import STACK, begin, new_walk, next_leaf_on_path, next_leaf_within
+from minigolf_env.physics.types import WIDTH, ZERO, RecordArray, Vec3
+from tests.physics.scenes import BALL, SOUPS, FloatArray, soup, sphere
+
+
+def paths(rng: np.random.Generator, triangles: FloatArray, count: int) -> tuple[FloatArray, FloatArray]:
+    """Return starts and ends: all around, along axes, without length, from far away, and ending on corners."""
+    starts = rng.uniform(-2, 2, (count, 3))
+    ends = rng.uniform(-2, 2, (count, 3))
+    one = np.arange(count) % 6
+    axis = rng.integers(0, 3, count)
+    along_axis = starts.copy()
+    along_axis[np.arange(count), axis] *= -1.0
+    ends[one == 1] = along_axis[one == 1]
+    ends[one == 2] = starts[one == 2]
+    starts[one == 3] *= 1e6
+    ends[one == 4] = triangles[rng.integers(len(triangles), size=count), 0][one == 4]
+    ends[one == 5] = starts[one == 5] + 1e-3 * rng.normal(size=(count, 3))[one == 5]
+    return starts, ends
+
+
+@pytest.mark.parametrize("radius", [BALL, 0.3])
+@pytest.mark.parametrize("kind", SOUPS)
+def test_tree_answers_as_the_scan_does(kind: str, radius: float) -> None:
+    """World.sweep equals sweep_sphere, which looks at every triangle, bit for bit."""
+    rng = np.random.default_rng(1)
+    triangles = soup(kind, rng)
+    starts, ends = paths(rng, triangles, 600)
+    # The tolerance follows the largest number in sight: one far triangle makes it the same for both.
+    far = np.full((1, 3, 3), 2.0 * max(np.abs(array).max() for array in (starts, ends, triangles)))
+    triangles = np.concatenate([triangles, far])
+    faces = np.arange(3 * len(triangles)).reshape(-1, 3)
+    hits = World([TriangleMesh(triangles.reshape(-1, 3), faces, two_sided=True)], radius).sweep_batch(starts, ends)
+    for i, (start, end) in enumerate(zip(starts, ends)):
+        scan = sweep_sphere(start, end, radius, triangles)
+        assert (hits.hit[i], hits.alpha[i], hits.triangle[i]) == (scan.hit, scan.alpha, scan.triangle)
+        assert np.array_equal(hits.normal[i], scan.normal)
+    assert kind == "one" or hits.hit.sum() > 50
+
+
+def test_stack_has_room() -> None:
+    """For a tree of 10^8 triangles as deep as its splits can make it."""
+    levels = np.log(1e8 / LEAF) / -np.log1p(-1.0 / LOPSIDED)
+    assert levels * (WIDTH - 1) + WIDTH < STACK
+
+
+def test_clearance_is_the_distance_to_the_nearest_triangle() -> None:
+    """The clearance of a ball outside a fine sphere is that of its centre from the sphere, less its radius."""
+    world = World([TriangleMesh(*sphere([0.0, 0.0, 0.0], 1.0, 64, 48))], ball_radius=BALL)
+    ways = np.random.default_rng(4).normal(size=(200, 3))
+    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+    for distance in (1.1, 2.0, 1000.0):
+        assert world.clearance(distance * ways) == pytest.approx(distance - 1.0 - BALL, abs=5e-3)
+    body = sphere([0.0, 0.0, 0.0], 1.0, 64, 48)
+    assert world.clearance(body[0] * 1.5) == pytest.approx(0.5 - BALL, abs=1e-12)
+
+
+@entry_kernel
+def write_leaves(
+    nodes: RecordArray, walk: RecordArray, p: Vec3, w: Vec3, reach: float, found: NDArray[np.int64]
+) -> int:
+    """Write the leaves (N, 2) on a path, or around a point if it has no length; return their number."""
+    begin(walk)
+    count, size = ZERO, ZERO + 1
+    while size > 0:
+        if w.x == 0.0:
+            first, size = next_leaf_within(nodes, walk, p, reach)
+        else:
+            first, size = next_leaf_on_path(nodes, walk, p, w, reach)
+        found[count, 0], found[count, 1] = first, size
+        count += size > 0
+    return count
+
+
+@pytest.mark.parametrize("length", [0.0, 100.0, -100.0])
+def test_walks_come_to_what_is_near_and_nearer_first(length: float) -> None:
+    """In a row of triangles that are points: all of them and none besides, along a path or around a point."""
+    nodes, order = build_tree(np.arange(64.0)[:, None, None] + np.zeros((64, 3, 3)))
+    start, found = 20.2, np.empty((64, 2), np.int64)
+    count = write_leaves(
+        nodes, new_walk(), Vec3(*[start] * 3), Vec3(*[length] * 3), 10.0 if length == 0.0 else 0.1, found
+    )
+    places = [order[first : first + size] for first, size in found[:count]]
+    ahead = np.arange(64) - start
+    near = np.abs(ahead) * np.sqrt(3.0) <= 10.0 if length == 0.0 else ahead * length >= -0.1
+    assert set(np.flatnonzero(near)) <= set(np.concatenate(places))
+    assert all(near[place].any() for place in places)
+    distances = np.array([np.abs(place - start).min() for place in places])
+    assert len(distances) > 3
+    assert distances[0] == distances.min()
+    assert length == 0.0 or (np.diff(distances) > 0.0).all()

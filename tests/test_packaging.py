@@ -1,0 +1,67 @@
+"""The house: what is installed, what may import what, and what an import costs."""
+
+import importlib.metadata
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
+
+import minigolf_env
+from tests.pins import read_pins
+
+ROOT = Path(__file__).parents[1]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+EXTRAS = PROJECT["optional-dependencies"]
+PINS = {"constraints.txt": ("agents", "dev", "docs"), "constraints-distributed.txt": ("agents", "dev", "distributed")}
+REQUIREMENTS = [
+    (file, Requirement(line))
+    for file, extras in PINS.items()
+    for group in (PROJECT["dependencies"], *(EXTRAS[extra] for extra in extras))
+    for line in group
+]
+
+LAZY = ("OpenGL", "matplotlib", "pydantic", "pyglet", "shapely", "stable_baselines3", "torch", "trimesh")
+
+
+@pytest.mark.parametrize(("file", "requirement"), REQUIREMENTS, ids=str)
+def test_every_requirement_is_pinned_to_a_version_it_allows(file: str, requirement: Requirement) -> None:
+    """The file has a pin for each dependency, inside the bounds of pyproject.toml."""
+    pin = read_pins(ROOT / file).get(canonicalize_name(requirement.name))
+    assert pin is not None, f"{requirement.name} has no pin: refresh {file} as its first lines say"
+    assert requirement.specifier.contains(pin), f"{file} pins {pin}, pyproject.toml asks for {requirement}"
+
+
+def test_with_ray_only_gymnasium_is_another() -> None:
+    """The two tested sets pin the same versions of everything else that is in both."""
+    with_ray, without = (read_pins(ROOT / f"constraints{kind}.txt") for kind in ("-distributed", ""))
+    assert {name for name in with_ray.keys() & without.keys() if with_ray[name] != without[name]} == {"gymnasium"}
+
+
+def test_import_rules_hold() -> None:
+    """The contracts in pyproject.toml are kept."""
+    command = [str(Path(sys.executable).with_name("lint-imports")), "--no-cache", "--no-logo"]
+    result = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert result.returncode == 0, result.stdout + result.stderr
+
+
+def test_importing_the_package_stays_light() -> None:
+    """Libraries for drawing, learning and mesh files load when they are used, not at import."""
+    code = f"import sys, minigolf_env; print(*sorted(set({LAZY}) & set(sys.modules)))"
+    result = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert result.stdout.split() == []
+
+
+def test_installed_version_is_the_packages() -> None:
+    """The metadata of the installation is that of the source."""
+    installed = importlib.metadata.version("minigolf-env")
+    hint = "`touch pyproject.toml` and run make again"
+    assert installed == minigolf_env.__version__, f"installed {installed}, source {minigolf_env.__version__}: {hint}"
+
+
+def test_package_is_typed() -> None:
+    """Type checkers of dependent projects read the package's annotations (PEP 561)."""
+    assert (Path(minigolf_env.__file__).parent / "py.typed").is_file()
