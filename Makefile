@@ -1,14 +1,14 @@
-# Everything a contributor runs. `make` alone lists the commands.
+# The commands of a contributor; `make` alone lists them.
 # ARGS passes options on: make train ARGS="--help", make test ARGS="-k mesh -x".
 
 PYTHON ?= python3
 VENV ?= .venv
-# Ray pins another gymnasium, so what needs it has an environment of its own.
+# The Ray programs have an environment of their own, as Ray pins another gymnasium.
 VENV_DISTRIBUTED ?= .venv-distributed
 # Test processes; 0 runs the tests in one (for a debugger: make test WORKERS=0 ARGS="--pdb").
 WORKERS ?= 2
 ARGS ?=
-# Tests that show the kernels at work in minutes without a compiler.
+# Tests that cover the kernels in minutes without the compiler.
 UNCOMPILED := $(addprefix tests/physics/test_,$(addsuffix .py,contact corners mesh normals simulate sweep swept_sphere world))
 
 BIN := $(VENV)/bin
@@ -17,7 +17,7 @@ INSTALLED_DOCS := $(VENV)/.installed-docs
 INSTALLED_DISTRIBUTED := $(VENV_DISTRIBUTED)/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help train test test-all test-distributed soak fuzz endurance supply mutants mutants-envs coverage bench docs notebooks lint check format clean
+.PHONY: help train test test-all test-distributed soak fuzz endurance release licences mutants mutants-envs coverage bench docs notebooks lint check format clean
 
 help: ## list the commands
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "make %-16s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -31,7 +31,7 @@ test: $(INSTALLED) ## run the tests
 test-distributed: $(INSTALLED_DISTRIBUTED) ## run the tests of Ray on two nodes on this machine (minutes)
 	$(VENV_DISTRIBUTED)/bin/python -m pytest tests/distributed $(ARGS)
 
-bench: $(INSTALLED) ## measure speed, exactness and pictures beside other engines
+bench: $(INSTALLED) ## measure speed, exactness and rendering next to other engines
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --requirement benchmarks/requirements.txt
 	$(BIN)/python -m benchmarks.speed
 	$(BIN)/python -m benchmarks.exactness
@@ -40,16 +40,19 @@ bench: $(INSTALLED) ## measure speed, exactness and pictures beside other engine
 test-all: $(INSTALLED) ## run the tests with each Python and Gymnasium, on wheel and sdist (an hour)
 	$(BIN)/nox $(ARGS)
 
-soak: $(INSTALLED) ## look at every one of 10^8 steps in random rooms (minutes)
+soak: $(INSTALLED) ## check every one of 10^8 time steps in random rooms (minutes)
 	$(BIN)/python -m tools.soak $(ARGS)
 
-supply: $(INSTALLED) ## write lock file, bill of materials and licences anew, after a change of constraints.txt
-	$(BIN)/nox -s supply
+release: $(INSTALLED) ## write wheel, sdist, lock file and bill of materials to dist/ (minutes)
+	$(BIN)/nox -s release
 
-endurance: $(INSTALLED) ## does the package tire of 10^7 putts and 10,000 environments? (half an hour)
+licences: $(INSTALLED) ## write docs/licences.md, after a change of constraints.txt
+	$(BIN)/nox -s licences
+
+endurance: $(INSTALLED) ## 10^7 putts and 10,000 environments: memory and descriptors stay constant (half an hour)
 	$(BIN)/python -m tools.endurance $(ARGS)
 
-fuzz: $(INSTALLED) ## compare 10^5 sequences of calls with what must hold (an hour)
+fuzz: $(INSTALLED) ## compare 10^5 sequences of calls with a small model (an hour)
 	SEQUENCES=$${SEQUENCES:-100000} $(BIN)/python -m pytest -n $(WORKERS) tests/envs/test_sequences.py $(ARGS)
 
 mutants: $(INSTALLED) ## break the physics in many ways: do the tests notice? (twenty minutes)
@@ -59,9 +62,9 @@ mutants-envs: $(INSTALLED) ## the same for rules and courses, with mutmut: 60 fa
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt mutmut==3.8.1
 	$(BIN)/python -m tools.mutation.mutants --sample 60 $(ARGS)
 
-# Compiled kernels are not seen: the tests that end in time are run once more without the compiler. Python's own floats
-# would divide by zero with a warning.
-coverage: $(INSTALLED) ## which lines of the package do the tests run, compiled and not? (half an hour)
+# Coverage does not see compiled code, so the faster tests run again without the compiler, where Python's floats would warn
+# of divisions by zero.
+coverage: $(INSTALLED) ## lines of the package that no test runs, compiled and not (half an hour)
 	$(BIN)/coverage erase
 	$(BIN)/coverage run -m pytest -n $(WORKERS)
 	NUMBA_DISABLE_JIT=1 $(BIN)/coverage run -m pytest -n $(WORKERS) -W ignore::RuntimeWarning $(UNCOMPILED)
@@ -71,7 +74,7 @@ coverage: $(INSTALLED) ## which lines of the package do the tests run, compiled 
 docs: $(INSTALLED_DOCS) ## build the documentation: build/docs/index.html
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build
 
-notebooks: $(INSTALLED) ## run the notebooks and store what they show (five minutes)
+notebooks: $(INSTALLED) ## execute the notebooks and store their outputs (five minutes)
 	$(BIN)/python -m notebooks.execute $(ARGS)
 
 lint: $(INSTALLED) ## check style, types and import rules
@@ -82,7 +85,7 @@ lint: $(INSTALLED) ## check style, types and import rules
 
 check: lint docs test ## what continuous integration runs: lint, build the pages, test
 
-format: $(INSTALLED) ## mend style and formatting
+format: $(INSTALLED) ## fix style and formatting
 	$(BIN)/ruff check --fix
 	$(BIN)/ruff format
 
@@ -90,13 +93,13 @@ clean: ## remove the environment, caches and build products
 	rm -rf $(VENV) $(VENV_DISTRIBUTED) .nox build dist *.egg-info .*_cache .hypothesis
 	find . -name __pycache__ -not -path './.*' -prune -exec rm -rf {} +
 
-# The stamp makes a second run install nothing; a changed requirement or pin installs again.
+# The stamp file skips installation until a requirement or a pin changes.
 $(INSTALLED): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --constraint constraints.txt --editable ".[agents,dev]"
 	touch $@
 
-# Its tools are few beside the rest: they go into the same environment, for those who build it.
+# The documentation's few tools go into the same environment.
 $(INSTALLED_DOCS): $(INSTALLED)
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable ".[docs]"
 	touch $@
