@@ -16,10 +16,10 @@ import tyro
 
 from agents import runs, train_generalist, train_ppo
 from minigolf_env._atomic_io import atomic_write
-from minigolf_env.evaluation.benchmark import write_record
-from minigolf_env.evaluation.evaluate import evaluate, print_scores
+from minigolf_env.evaluation.evaluate import evaluate
+from minigolf_env.evaluation.report import print_evaluations, write_json_report
 from minigolf_env.players.network import read_network
-from minigolf_env.players.policies import MODELS, SHIPPED, ModelPolicy
+from minigolf_env.players.policies import PRETRAINED_FOLDER, PRETRAINED_MODELS, ModelPolicy
 
 LARGEST = 200_000
 """What a model may weigh that everyone installs, bytes."""
@@ -31,7 +31,7 @@ class Args:
 
     run: Annotated[Path, tyro.conf.Positional]
     """The folder of a training run."""
-    folder: Path = MODELS
+    folder: Path = PRETRAINED_FOLDER
     """Where the model and its card go."""
     episodes: int = 1000
     noise: tuple[float, float] = (0.5, 0.015)
@@ -57,7 +57,7 @@ def main(args: Args) -> None:
     judges = (args.run / "best.npz").is_file()
     name = "generalist" if judges else "ppo"
     trained: runs.Run = runs.read_args(train_generalist.Args if judges else train_ppo.Args, args.run)
-    file = args.folder / SHIPPED[name]
+    file = args.folder / PRETRAINED_MODELS[name]
     with atomic_write(file) as part:  # The model that shipped before stays until this one is scored.
         # A judge, which has ten times the weights, is rounded.
         read_network(args.run / ("best.npz" if judges else "best.zip")).save(part, np.float16 if judges else np.float32)
@@ -69,8 +69,8 @@ def main(args: Args) -> None:
         games = [{**game, **noise} for game in trained.games for noise in noises]
         scores = [evaluate(policy, name, **game, episodes=args.episodes) for game in games]
     for score in scores:
-        print_scores([score])
-    write_record(
+        print_evaluations([score])
+    write_json_report(
         file.with_suffix(".json"),
         "stable-baselines3",
         "torch",

@@ -29,10 +29,10 @@ from stable_baselines3.common.vec_env import VecMonitor
 
 from agents.sb3_vec_env import SB3VecEnv
 from minigolf_env._atomic_io import atomic_write, remove_stale_temps, write_text
-from minigolf_env.evaluation import benchmark as scoring
-from minigolf_env.evaluation import evaluate as evaluation
+from minigolf_env.evaluation.evaluate import EvaluationResult, evaluate
+from minigolf_env.evaluation.report import print_evaluations, write_json_report
 from minigolf_env.players.network import check_model
-from minigolf_env.players.policies import Policy, PredictPolicy, load_policy
+from minigolf_env.players.policies import Policy, SB3Policy, load_policy
 
 CONSOLE = Console()
 
@@ -93,7 +93,7 @@ Build = Callable[[Args, VecMonitor], BaseAlgorithm]
 """Makes a new learner from a run's arguments and environments."""
 
 
-def run(args: Args, build: Build[Args], callbacks: Callable[[Args], Sequence[BaseCallback]]) -> list[evaluation.Score]:
+def run(args: Args, build: Build[Args], callbacks: Callable[[Args], Sequence[BaseCallback]]) -> list[EvaluationResult]:
     """Train a new learner, or go on with one; end with a table: random, search, the agent.
 
     Args:
@@ -148,7 +148,7 @@ def check(args: Run) -> None:
         raise SystemExit(str(error)) from error
 
 
-def end(args: Run, name: str, best: Policy, file: Path, began: float) -> list[evaluation.Score]:
+def end(args: Run, name: str, best: Policy, file: Path, began: float) -> list[EvaluationResult]:
     """Make and print the tables of a run's best model, a file in its folder; say what to do with it.
 
     ``name`` is what they call it, ``began`` when the run began, by the monotonic clock.
@@ -255,7 +255,7 @@ class Progress:
         """Score a policy after so many putts, keep it if it is the best so far, and note the means down."""
         args, best = self.args, min((row["strokes"] for row in self.history), default=float("inf"))
         settings: dict[str, Any] = {"episodes": args.check_episodes, "first_seed": args.check_seed, "quiet": True}
-        scores = [evaluation.evaluate(policy, "agent", **game, **settings) for game in args.games]
+        scores = [evaluate(policy, "agent", **game, **settings) for game in args.games]
         row = {
             name: sum(getattr(score, name) for score in scores) / len(scores)
             for name in ("strokes", "holed", "hole_in_one")
@@ -294,7 +294,7 @@ class Checkpoints(BaseCallback):
         """Save, score, and keep the model if it is the best so far."""
         self.saved_at = self.num_timesteps
         self.save("checkpoint.zip")
-        policy = PredictPolicy(self.model, self.args.observation)
+        policy = SB3Policy(self.model, self.args.observation)
         row = self.progress.score(policy, self.num_timesteps, lambda: self.save("best.zip"))
         for name, value in row.items():
             self.logger.record(f"eval/{name}", value)
@@ -306,13 +306,13 @@ class Checkpoints(BaseCallback):
             self.model.save(part)
 
 
-def best_of(learner: BaseAlgorithm, args: Run, folder: Path) -> PredictPolicy:
+def best_of(learner: BaseAlgorithm, args: Run, folder: Path) -> SB3Policy:
     """Return a player of a run's best model, whose weights the learner takes over."""
     restore(learner, folder / "best.zip")
-    return PredictPolicy(learner, args.observation)
+    return SB3Policy(learner, args.observation)
 
 
-def final_tables(args: Run, name: str, best: Policy, folder: Path) -> list[evaluation.Score]:
+def final_tables(args: Run, name: str, best: Policy, folder: Path) -> list[EvaluationResult]:
     """Score random, search and the best model on the same episodes, print a table for each game, and store them."""
     players = {
         "random": (load_policy("random"), -(-args.final_episodes // 10)),
@@ -321,7 +321,7 @@ def final_tables(args: Run, name: str, best: Policy, folder: Path) -> list[evalu
     }
     tables = [
         [
-            evaluation.evaluate(policy, player, **game, episodes=episodes)
+            evaluate(policy, player, **game, episodes=episodes)
             for player, (policy, episodes) in players.items()
             if episodes > 0
         ]
@@ -329,9 +329,9 @@ def final_tables(args: Run, name: str, best: Policy, folder: Path) -> list[evalu
     ]
     scores = [score for table in tables for score in table]
     record = [dataclasses.asdict(score) for score in scores]
-    scoring.write_record(folder / "scores.json", "stable-baselines3", "torch", scores=record)
+    write_json_report(folder / "scores.json", "stable-baselines3", "torch", scores=record)
     for table in tables:
-        evaluation.print_scores(table)
+        print_evaluations(table)
     return scores
 
 

@@ -33,7 +33,7 @@ from agents import runs
 from minigolf_env._atomic_io import atomic_write
 from minigolf_env.courses.procedural import PROCEDURAL
 from minigolf_env.envs.task import Game
-from minigolf_env.evaluation.evaluate import Score
+from minigolf_env.evaluation.evaluate import EvaluationResult
 from minigolf_env.players.network import Layer, Network, check_weights, read_network
 from minigolf_env.players.policies import ModelPolicy
 from minigolf_env.players.putt_features import MIRROR, NUMBERS, QUICK, SHORTEST, TOP_ROLL, Putts, actions, best, foresee
@@ -264,7 +264,7 @@ def log_uniform(rng: np.random.Generator, between: tuple[float, float], shape: t
     return np.exp(rng.uniform(math.log(between[0]), math.log(between[1]), shape))
 
 
-def main(args: Args) -> list[Score]:
+def main(args: Args) -> list[EvaluationResult]:
     """Train, score, print the tables."""
     began = time.monotonic()
     if args.observation != "echoes" or args.reward != "shaped":

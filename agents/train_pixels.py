@@ -15,7 +15,7 @@ from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 from stable_baselines3.common.vec_env import VecMonitor
 
 from agents import train_ppo
-from minigolf_env.evaluation.evaluate import Score
+from minigolf_env.evaluation.evaluate import EvaluationResult
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ def build(args: Args, envs: VecMonitor) -> PPO:
     return train_ppo.build(args, envs, "CnnPolicy", **eyes)
 
 
-def main(args: Args) -> list[Score]:
+def main(args: Args) -> list[EvaluationResult]:
     """Train, score, print the table."""
     return train_ppo.main(args, build)
 

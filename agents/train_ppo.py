@@ -18,7 +18,7 @@ from stable_baselines3.common.utils import LinearSchedule
 from stable_baselines3.common.vec_env import VecMonitor
 
 from agents import runs
-from minigolf_env.evaluation.evaluate import Score
+from minigolf_env.evaluation.evaluate import EvaluationResult
 
 ENOUGH = 0.1
 """Mean strokes above search's with which a hole counts as learned."""
@@ -117,7 +117,7 @@ def callbacks(args: Args) -> Sequence[BaseCallback]:
     return [Annealing(*args.log_std, args.putts)] if args.anneal else []
 
 
-def main(args: Args, build: runs.Build[Any] = build) -> list[Score]:
+def main(args: Args, build: runs.Build[Any] = build) -> list[EvaluationResult]:
     """Train, score, print the table; once more with the next seed if the hole is not learned and seeds are left."""
     if args.seeds > 1 and args.search_episodes == 0:
         raise SystemExit(f"seeds: expected 1 without search to compare with, received {args.seeds}; add --seeds 1.")

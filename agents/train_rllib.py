@@ -30,7 +30,7 @@ from agents.train_ppo import Settings
 from minigolf_env._atomic_io import commit
 from minigolf_env.courses import load_course
 from minigolf_env.courses.procedural import PROCEDURAL
-from minigolf_env.evaluation.evaluate import Score
+from minigolf_env.evaluation.evaluate import EvaluationResult
 from minigolf_env.players.policies import load_policy
 
 ENVIRONMENT = "minigolf_env:MiniGolf-v0"
@@ -250,7 +250,7 @@ def train(args: Args, folder: Path) -> None:
         ray.shutdown()
 
 
-def main(args: Args) -> list[Score]:
+def main(args: Args) -> list[EvaluationResult]:
     """Train, score, print the table."""
     began, address = time.monotonic(), args.address
     import_ray(address)  # Where it is missing, nothing is begun.

@@ -13,7 +13,7 @@ from stable_baselines3 import SAC
 from stable_baselines3.common.vec_env import VecMonitor
 
 from agents import runs
-from minigolf_env.evaluation.evaluate import Score
+from minigolf_env.evaluation.evaluate import EvaluationResult
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ def build(args: Args, envs: VecMonitor) -> SAC:
     )
 
 
-def main(args: Args) -> list[Score]:
+def main(args: Args) -> list[EvaluationResult]:
     """Train, score, print the table."""
     return runs.run(args, build, lambda _: ())
 

@@ -25,7 +25,7 @@ from minigolf_env.courses.procedural import DIFFICULTIES, GENERATOR
 from minigolf_env.courses.procedural.build import build_level
 from minigolf_env.envs import MiniGolfEnv, Result, Task
 from minigolf_env.envs.task import FloatArray
-from minigolf_env.evaluation.benchmark import strokes_of_search
+from minigolf_env.evaluation.rollout import search_strokes
 
 WAVES = 4
 """Putts that each ball of random play makes, each from where the one before ended."""
@@ -112,7 +112,7 @@ def examine(env: MiniGolfEnv, difficulty: str, level: int, args: Args) -> Report
     return Report(
         build=built - begun,
         world=compiled - built,
-        strokes=strokes_of_search(env),
+        strokes=search_strokes(env),
         random=WAVES * args.balls,
         out=out,
         low_out=low_out,

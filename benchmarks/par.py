@@ -17,7 +17,9 @@ from benchmarks.report import print_table
 from benchmarks.watch import watch
 from minigolf_env.courses import list_courses, par_of
 from minigolf_env.envs import MiniGolfEnv
-from minigolf_env.evaluation.benchmark import mean_interval, strokes_of_search, with_interval
+from minigolf_env.evaluation.report import format_with_interval
+from minigolf_env.evaluation.rollout import search_strokes
+from minigolf_env.evaluation.statistics import mean_interval
 
 NOISE = (1.5, 0.05)
 """Standard deviations of direction (degrees) and speed (share of it)."""
@@ -48,12 +50,12 @@ def main(args: Args) -> None:
         for seed in tqdm(range(args.seed, args.seed + args.rounds), name, leave=False):
             env.reset(seed=seed)
             watched = watch(env)
-            strokes.append(strokes_of_search(env))
+            strokes.append(search_strokes(env))
             counts += watched.putts, watched.late, watched.exhausted, watched.inside
         interval, par = mean_interval(strokes), par_of(name)
         low, high = (max(LEAST, round(mean)) for mean in interval)
         confirmed = "yes" if par is not None and low <= par <= high else f"no: {low}-{high}"
-        score = with_interval(float(np.mean(strokes)), interval)
+        score = format_with_interval(float(np.mean(strokes)), interval)
         rows.append([name, str(par), confirmed, score, *(f"{count:,}" for count in counts.tolist())])
         print("; ".join(f"{column} {cell}" for column, cell in zip(columns, rows[-1])), flush=True)
     print()

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from minigolf_env.evaluation.benchmark import write_record
+from minigolf_env.evaluation.report import write_json_report
 
 Records = dict[str, dict[str, Any]]
 """What a table holds: its rows by name, their cells by the column's name."""
@@ -47,7 +47,7 @@ def store(path: Path, args: Any, packages: Sequence[str], **results: Any) -> Non
         results: what was found.
     """
     settings = {name: value for name, value in dataclasses.asdict(args).items() if not isinstance(value, Path)}
-    write_record(path, *packages, settings=settings, machine=machine(), **results)
+    write_json_report(path, *packages, settings=settings, machine=machine(), **results)
 
 
 def machine() -> dict[str, str | int | None]:

@@ -18,7 +18,8 @@ from tqdm import tqdm
 from benchmarks.report import print_table
 from minigolf_env.courses.procedural import DIFFICULTIES
 from minigolf_env.envs import MiniGolfEnv
-from minigolf_env.evaluation.benchmark import mean_interval, with_interval
+from minigolf_env.evaluation.report import format_with_interval
+from minigolf_env.evaluation.statistics import mean_interval
 from minigolf_env.players.policies import RandomPolicy
 from minigolf_env.players.search import THOROUGH, Plan, search
 
@@ -61,7 +62,7 @@ def play(env: MiniGolfEnv, planner: Planner, starts: list[dict[str, Any]], name:
         strokes.append(info["strokes"] if info["is_success"] else env.task.max_strokes)
     return [
         name,
-        with_interval(float(np.mean(strokes)), mean_interval(strokes)),
+        format_with_interval(float(np.mean(strokes)), mean_interval(strokes)),
         f"{np.mean(np.array(strokes) == 1):.0%}",
         f"{max(strokes)}",
         f"{np.mean([plan.tried for plan in plans]):,.0f}",

@@ -14,7 +14,8 @@ import gymnasium as gym
 import tyro
 from stable_baselines3 import PPO
 
-from minigolf_env.evaluation import evaluate as evaluation
+from minigolf_env.evaluation.evaluate import EvaluationResult, evaluate
+from minigolf_env.evaluation.report import print_evaluations
 from minigolf_env.players.policies import ModelPolicy
 
 
@@ -27,11 +28,11 @@ class Args:
     rewards: tuple[str, ...] = ("shaped", "strokes")
 
 
-def score(model: PPO, name: str, episodes: int) -> evaluation.Score:
+def score(model: PPO, name: str, episodes: int) -> EvaluationResult:
     """Return how well the model plays now."""
     with tempfile.TemporaryDirectory() as folder:
         model.save(Path(folder) / "model.zip")
-        return evaluation.evaluate(ModelPolicy(Path(folder) / "model.zip"), name, episodes=episodes)
+        return evaluate(ModelPolicy(Path(folder) / "model.zip"), name, episodes=episodes)
 
 
 def main(args: Args) -> None:
@@ -44,7 +45,7 @@ def main(args: Args) -> None:
         model.learn(args.putts)
         name = f"{reward}, {args.putts:,} putts, {time.monotonic() - began:.0f} s"
         scores.append(score(model, name, args.episodes))
-    evaluation.print_scores(scores)
+    print_evaluations(scores)
 
 
 if __name__ == "__main__":

@@ -219,13 +219,13 @@ def evaluate(
     from dataclasses import asdict
 
     from minigolf_env._atomic_io import check_output
-    from minigolf_env.evaluation import benchmark as scoring
-    from minigolf_env.evaluation import evaluate as evaluation
+    from minigolf_env.evaluation.evaluate import evaluate as evaluate_policy
+    from minigolf_env.evaluation.report import print_evaluations, write_json_report
     from minigolf_env.players.policies import load_policy
 
     if json is not None:
         check_output(json)
-    score = evaluation.evaluate(
+    result = evaluate_policy(
         load_policy(policy, first_seed),
         policy,
         course,
@@ -236,9 +236,9 @@ def evaluate(
         putt_noise=putt_noise,
         watch=watch,
     )
-    evaluation.print_scores([score])
+    print_evaluations([result])
     if json is not None:
-        scoring.write_record(json, **asdict(score))
+        write_json_report(json, **asdict(result))
 
 
 def benchmark(
@@ -265,15 +265,16 @@ def benchmark(
     from dataclasses import asdict
 
     from minigolf_env._atomic_io import check_output
-    from minigolf_env.evaluation import benchmark as scoring
+    from minigolf_env.evaluation.benchmark import benchmark as run_benchmark
+    from minigolf_env.evaluation.report import print_benchmark, write_json_report
 
     if json is not None:
         check_output(json)
-    scores = list(scoring.benchmark(policy, difficulty, levels, max_strokes, seed))
-    scoring.print_benchmark(policy, scores)
+    results = list(run_benchmark(policy, difficulty, levels, max_strokes, seed))
+    print_benchmark(policy, results)
     if json is not None:
         settings = {"max_strokes": max_strokes, "seed": seed}
-        scoring.write_record(json, policy=policy, settings=settings, sets=[asdict(score) for score in scores])
+        write_json_report(json, policy=policy, settings=settings, sets=[asdict(result) for result in results])
 
 
 COMMANDS = (play, video, courses, check, map_, evaluate, benchmark)

@@ -1,4 +1,4 @@
-"""How well a policy plays a hole, or levels: strokes over fixed seeds or levels, with confidence intervals."""
+"""Evaluate a policy on a hole, a round or procedural levels: strokes over fixed seeds or levels."""
 
 from __future__ import annotations
 
@@ -14,49 +14,49 @@ from minigolf_env._validation import one_of
 from minigolf_env.courses.procedural import DIFFICULTIES, PROCEDURAL
 from minigolf_env.envs import MiniGolfEnv, MiniGolfVectorEnv, in_turn
 from minigolf_env.envs.samplers import Levels
-from minigolf_env.evaluation.benchmark import (
-    Interval,
-    Played,
-    mean_interval,
-    play_episode,
-    play_together,
-    share_with_interval,
-    wilson,
-    with_interval,
-)
+from minigolf_env.evaluation.rollout import EpisodeResult, run_episode, run_episodes_batched
+from minigolf_env.evaluation.statistics import Interval, mean_interval, wilson_interval
 from minigolf_env.players.policies import BatchPolicy, Policy
 
-FIRST_SEED = 1_000_000
-"""Of the episodes: far from the seeds that training uses."""
+FIRST_EVALUATION_SEED = 1_000_000
+"""Default seed, or level, of the first episode: far from those that training uses."""
 
-BATCH = 4096
-"""Most episodes played side by side."""
+MAX_BATCH_EPISODES = 4096
+"""Largest number of episodes played at once in one batch."""
 
 
 @dataclass(frozen=True)
-class Score:
-    """What a player reached; intervals are 95 % confidence intervals."""
+class EvaluationResult:
+    """The scores of a policy; all intervals are 95 % confidence intervals."""
 
     policy: str
+    """Name of the policy."""
     sha256: str | None
-    """Of the model's file; None: the player has none."""
+    """SHA-256 of the model file; None for a policy without a file."""
     course: str
+    """Name or file of the hole, "round" or "procedural"."""
     difficulty: str | None
-    """Of levels; None: on one hole."""
+    """Difficulty of the levels; None on one hole."""
     episodes: int
+    """Number of episodes."""
     first_seed: int
-    """Episode i is seeded first_seed + i, or is played on this level."""
+    """Episode i is seeded with first_seed + i, or is played on the level of that number."""
     max_strokes: int
+    """Largest number of strokes of an episode."""
     putt_noise: tuple[float, float]
-    """Standard deviations of direction (degrees) and speed (share of it)."""
+    """Standard deviations of a putt's direction (degrees) and speed (share of it)."""
     strokes: float
-    """Mean; an episode that is not holed counts max_strokes."""
+    """Mean number of strokes; an episode that is not holed counts max_strokes."""
     strokes_interval: Interval
+    """Confidence interval of the mean number of strokes."""
     holed: float
     """Share of episodes that ended in the cup."""
     holed_interval: Interval
+    """Confidence interval of the share of episodes that ended in the cup."""
     hole_in_one: float
+    """Share of episodes that ended in the cup after one stroke."""
     hole_in_one_interval: Interval
+    """Confidence interval of the share of holes-in-one."""
 
 
 def evaluate(
@@ -66,52 +66,56 @@ def evaluate(
     *,
     difficulty: str | None = None,
     episodes: int = 1000,
-    first_seed: int = FIRST_SEED,
+    first_seed: int = FIRST_EVALUATION_SEED,
     max_strokes: int = 10,
     putt_noise: tuple[float, float] = (0.0, 0.0),
     watch: bool = False,
     quiet: bool = False,
-) -> Score:
-    """Play the episodes of fixed seeds, or on fixed levels from the middle of their tees, and return the score.
+) -> EvaluationResult:
+    """Play episodes with fixed seeds, or on fixed levels from the middle of their tees, and return the scores.
 
-    A BatchPolicy plays them side by side, with the same result as one after the other.
+    A BatchPolicy plays the episodes in batches, with the same result as one after another.
 
     Args:
-        policy: the player.
-        name: what the score calls it.
-        course: the hole, a name or a file; or "procedural" for levels.
-        difficulty: of levels.
-        episodes: how many, at least 1.
-        first_seed: episode i is seeded first_seed + i, or is played on this level.
-        max_strokes: of an episode.
-        putt_noise: standard deviations of direction (degrees) and speed (share of it).
-        watch: whether to show the putts in a window; closing it ends the show, not the evaluation.
-        quiet: whether to show no progress.
+        policy: the policy to evaluate.
+        name: name of the policy in the result.
+        course: the hole, a name or a file; "round" for its nine holes in turn; "procedural" for levels.
+        difficulty: difficulty of the levels; only with "procedural".
+        episodes: number of episodes, at least 1.
+        first_seed: episode i is seeded with first_seed + i, or is played on the level of that number.
+        max_strokes: largest number of strokes of an episode.
+        putt_noise: standard deviations of a putt's direction (degrees) and speed (share of it).
+        watch: show the putts in a window. Closing the window does not end the evaluation.
+        quiet: show no progress bar.
 
     Raises:
-        ValueError: an argument is not what it should be.
-        RenderingError: a window was asked for, and there is no display.
+        ValueError: an argument is invalid.
+        RenderingError: ``watch`` is True and there is no display.
     """
     if episodes < 1:
         raise ValueError(f"episodes: expected at least 1, received {episodes}.")
     if first_seed < 0:
         raise ValueError(f"first_seed: expected at least 0, received {first_seed}.")
-    rules: dict[str, Any] = {"observation": policy.observation, "max_strokes": max_strokes, "putt_noise": putt_noise}
+    env_args: dict[str, Any] = {
+        "observation": policy.observation,
+        "max_strokes": max_strokes,
+        "putt_noise": putt_noise,
+    }
     if course == PROCEDURAL:
         difficulty = one_of(DIFFICULTIES[0] if difficulty is None else difficulty, DIFFICULTIES, "difficulty")
-        rules |= {"difficulty": difficulty, "tee": "fixed"}
+        env_args |= {"difficulty": difficulty, "tee": "fixed"}
     elif difficulty is not None:
         raise ValueError(f"difficulty: expected with course={PROCEDURAL!r} only, received {difficulty!r}.")
-    starts = [_Start.of(course, first_seed, k) for k in range(episodes)]
+    starts = [_EpisodeStart.of(course, first_seed, k) for k in range(episodes)]
     if isinstance(policy, BatchPolicy) and not watch:
-        played = _play_together(policy, course, starts, rules)
+        results = _run_batches(policy, course, starts, env_args)
     else:
-        bar = tqdm(starts, f"{name} plays", leave=False, disable=quiet or None)
-        with contextlib.closing(MiniGolfEnv(course, "human" if watch else None, **rules)) as env:
-            played = [play_episode(env, policy, *start) for start in bar]
-    strokes, holed = (np.array(column) for column in zip(*played, strict=True))
-    aces = int((holed & (strokes == 1)).sum())
-    return Score(
+        progress = tqdm(starts, f"{name} plays", leave=False, disable=quiet or None)
+        with contextlib.closing(MiniGolfEnv(course, "human" if watch else None, **env_args)) as env:
+            results = [run_episode(env, policy, *start) for start in progress]
+    strokes, holed = (np.array(column) for column in zip(*results, strict=True))
+    num_aces = int((holed & (strokes == 1)).sum())
+    return EvaluationResult(
         policy=name,
         sha256=getattr(policy, "sha256", None),
         course=course,
@@ -123,55 +127,36 @@ def evaluate(
         strokes=float(strokes.mean()),
         strokes_interval=mean_interval(strokes),
         holed=float(holed.mean()),
-        holed_interval=wilson(int(holed.sum()), episodes),
-        hole_in_one=aces / episodes,
-        hole_in_one_interval=wilson(aces, episodes),
+        holed_interval=wilson_interval(int(holed.sum()), episodes),
+        hole_in_one=num_aces / episodes,
+        hole_in_one_interval=wilson_interval(num_aces, episodes),
     )
 
 
-class _Start(NamedTuple):
-    """How an episode is reset."""
+class _EpisodeStart(NamedTuple):
+    """Arguments of the reset that starts an episode."""
 
     seed: int
+    """Seed of the environment."""
     options: dict[str, int]
-    """The level, or the hole of a round."""
+    """Reset options: the number of the level, or of the hole in a round."""
 
     @staticmethod
-    def of(course: str, first: int, episode: int) -> _Start:
+    def of(course: str, first_seed: int, episode: int) -> _EpisodeStart:
         """Return the start of an episode, counted from 0."""
-        number = first + episode
-        return _Start(number, {Levels.key: number} if course == PROCEDURAL else in_turn(course, episode))
+        seed = first_seed + episode
+        return _EpisodeStart(seed, {Levels.key: seed} if course == PROCEDURAL else in_turn(course, episode))
 
 
-def _play_together(policy: BatchPolicy, course: str, starts: Sequence[_Start], rules: dict[str, Any]) -> list[Played]:
-    played: list[Played] = []
-    for i in range(0, len(starts), BATCH):
-        batch = starts[i : i + BATCH]
-        # Who has finished begins anew, without a count: on one level, not on others that would have to be made.
-        again: dict[str, Any] = {"start_level": batch[0].seed, "num_levels": 1} if course == PROCEDURAL else {}
-        envs = MiniGolfVectorEnv(len(batch), course, **rules, **again)
+def _run_batches(
+    policy: BatchPolicy, course: str, starts: Sequence[_EpisodeStart], env_args: dict[str, Any]
+) -> list[EpisodeResult]:
+    results: list[EpisodeResult] = []
+    for i in range(0, len(starts), MAX_BATCH_EPISODES):
+        batch = starts[i : i + MAX_BATCH_EPISODES]
+        # Environments that have ended are reset to uncounted episodes. With one level no further levels are generated.
+        levels: dict[str, Any] = {"start_level": batch[0].seed, "num_levels": 1} if course == PROCEDURAL else {}
+        envs = MiniGolfVectorEnv(len(batch), course, **env_args, **levels)
         options = {key: [start.options[key] for start in batch] for key in batch[0].options}
-        played += play_together(envs, policy, batch[0].seed, options)
-    return played
-
-
-def print_scores(scores: Sequence[Score]) -> None:
-    """Print one table, a row for each player."""
-    from rich.console import Console
-    from rich.table import Table
-
-    first = scores[0]
-    noise = "noise of {:g} degrees and {:.1%}, ".format(*first.putt_noise) if any(first.putt_noise) else ""
-    course = first.course if first.difficulty is None else f"{first.course}, {first.difficulty}"
-    table = Table(title=f"{course}: {noise}fixed seeds, [95 % confidence intervals]")
-    for column in ("player", "episodes", "mean strokes", "holed out", "hole-in-one"):
-        table.add_column(column, justify="left" if column == "player" else "right")
-    for score in scores:
-        table.add_row(
-            score.policy,
-            str(score.episodes),
-            with_interval(score.strokes, score.strokes_interval),
-            share_with_interval(score.holed, score.holed_interval),
-            share_with_interval(score.hole_in_one, score.hole_in_one_interval),
-        )
-    Console().print(table)
+        results += run_episodes_batched(envs, policy, batch[0].seed, options)
+    return results

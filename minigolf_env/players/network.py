@@ -239,7 +239,7 @@ def _read_zip(path: Path) -> Network:
     if kind is None or any("features_extractor." in name for name in state):
         raise ValueError(
             f"expected an MlpPolicy of {' or '.join(KINDS)}, received another; if you trust the file, load it "
-            "with stable-baselines3 and play it as a policies.PredictPolicy."
+            "with stable-baselines3 and play it as a policies.SB3Policy."
         )
     found = (name.rpartition(".")[0] for name in state if name.startswith(kind.hidden) and name.endswith(".weight"))
     names = sorted(found, key=lambda name: int(name.rpartition(".")[2]))

@@ -19,13 +19,13 @@ from minigolf_env.players.search import search
 
 Action = NDArray[np.float32]
 
-MODELS = Path(__file__).parent / "pretrained"
+PRETRAINED_FOLDER = Path(__file__).parent / "pretrained"
 """The models that ship. The card beside each, .json, has its training command, scores and SHA-256."""
 
-SHIPPED = {"ppo": "dogleg.npz", "generalist": "procedural.npz"}
+PRETRAINED_MODELS = {"ppo": "dogleg.npz", "generalist": "procedural.npz"}
 """Their files by name: "ppo" is for the default hole, "generalist" for procedural levels."""
 
-POLICIES = ("random", "search", *SHIPPED)
+POLICY_NAMES = ("random", "search", *PRETRAINED_MODELS)
 
 
 class Policy(Protocol):
@@ -43,7 +43,7 @@ class Policy(Protocol):
 class BatchPolicy(Policy, Protocol):
     """A player that needs no more than observations, and takes many at once."""
 
-    def act_many(self, observations: NDArray[Any]) -> Action:
+    def act_batch(self, observations: NDArray[Any]) -> Action:
         """Return the putts (N, 2) to play after observations (N, ...)."""
         ...
 
@@ -104,14 +104,14 @@ class ModelPolicy:
 
     def act(self, observation: NDArray[Any], env: MiniGolfEnv) -> Action:
         """Return the mean of the policy's distribution (2,), or the putt that is judged best."""
-        return np.asarray(self.act_many(observation[None])[0])
+        return np.asarray(self.act_batch(observation[None])[0])
 
-    def act_many(self, observations: NDArray[Any]) -> Action:
+    def act_batch(self, observations: NDArray[Any]) -> Action:
         """Return such putts (N, 2): each has the bits of ``act``."""
         return best(observations, self.network.cost).actions if self.network.judges else self.network(observations)
 
 
-class PredictPolicy:
+class SB3Policy:
     """Plays a loaded model of any algorithm and network by its ``predict``, as stable-baselines3's models have it.
 
     Loading such a model, ``PPO.load(path)``, runs code that is pickled in the file: load only those you trust. The
@@ -128,9 +128,9 @@ class PredictPolicy:
 
     def act(self, observation: NDArray[Any], env: MiniGolfEnv) -> Action:
         """Return what the model finds best (2,)."""
-        return np.asarray(self.act_many(observation[None])[0])
+        return np.asarray(self.act_batch(observation[None])[0])
 
-    def act_many(self, observations: NDArray[Any]) -> Action:
+    def act_batch(self, observations: NDArray[Any]) -> Action:
         """Return what the model finds best (N, 2)."""
         return np.asarray(self._model.predict(observations, deterministic=True)[0], dtype=np.float32)
 
@@ -144,15 +144,15 @@ def load_policy(name: str | Path, seed: int = 0) -> Policy:
     """
     if Path(name).suffix in (".zip", ".npz"):
         return ModelPolicy(name)
-    known = one_of(name, POLICIES, "policy (or a model's .zip or .npz file)")
-    if known in SHIPPED:
+    known = one_of(name, POLICY_NAMES, "policy (or a model's .zip or .npz file)")
+    if known in PRETRAINED_MODELS:
         return _shipped(known)
     return RandomPolicy(seed) if known == "random" else SearchPolicy()
 
 
 def _shipped(name: str) -> ModelPolicy:
     """Return a model that ships, if it is the one on its card."""
-    file = MODELS / SHIPPED[name]
+    file = PRETRAINED_FOLDER / PRETRAINED_MODELS[name]
     card = file.with_suffix(".json")
     if not (file.is_file() and card.is_file()):
         raise FileNotFoundError(

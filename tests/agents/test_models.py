@@ -18,7 +18,7 @@ from agents import train_generalist, train_ppo
 from minigolf_env.evaluation.evaluate import evaluate
 from minigolf_env.players import policies
 from minigolf_env.players.network import Layer, Network
-from minigolf_env.players.policies import ModelPolicy, PredictPolicy, load_policy
+from minigolf_env.players.policies import ModelPolicy, SB3Policy, load_policy
 from minigolf_env.players.putt_features import NUMBERS
 
 ENV = "minigolf_env:MiniGolf-v0"
@@ -50,10 +50,10 @@ def test_a_saved_model_plays_as_it_predicts(
     assert policy.observation == observation
     observations = np.random.default_rng(0).uniform(-1, 1, (50, policy.network.inputs)).astype(np.float32)
     expected, _ = model.predict(observations, deterministic=True)
-    putts = policy.act_many(observations)
+    putts = policy.act_batch(observations)
     assert np.abs(expected).max() > 0.9 and np.abs(putts - expected).max() < 1e-4
-    assert np.abs(PredictPolicy(model, observation).act_many(observations) - expected).max() < 1e-6
-    assert ModelPolicy(tmp_path / "model.npz").act_many(observations).tobytes() == putts.tobytes()
+    assert np.abs(SB3Policy(model, observation).act_batch(observations) - expected).max() < 1e-6
+    assert ModelPolicy(tmp_path / "model.npz").act_batch(observations).tobytes() == putts.tobytes()
     env: Any = None
     assert all(policy.act(row, env).tobytes() == putt.tobytes() for row, putt in zip(observations, putts, strict=True))
 
@@ -61,7 +61,7 @@ def test_a_saved_model_plays_as_it_predicts(
 def test_other_networks_are_refused(tmp_path: Path) -> None:
     """A CNN's file says how to play it all the same; a model of other numbers says which are known."""
     PPO("CnnPolicy", gym.make(ENV, observation="pixels"), device="cpu", **SMALL).save(tmp_path / "cnn.zip")
-    with pytest.raises(ValueError, match="PredictPolicy"):
+    with pytest.raises(ValueError, match="SB3Policy"):
         ModelPolicy(tmp_path / "cnn.zip")
     PPO("MlpPolicy", gym.make("MountainCarContinuous-v0"), device="cpu", **SMALL).save(tmp_path / "car.zip")
     with pytest.raises(ValueError, match="2 outputs"):
@@ -72,7 +72,7 @@ def test_the_model_that_ships(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     """A run's best becomes "ppo", with a card that says how to train it and what it scores; nothing else does."""
     run, shipped = tmp_path / "run", tmp_path / "models" / "dogleg.npz"
     run.mkdir()
-    monkeypatch.setattr(policies, "MODELS", shipped.parent)
+    monkeypatch.setattr(policies, "PRETRAINED_FOLDER", shipped.parent)
     with pytest.raises(FileNotFoundError, match="train one"):
         load_policy("ppo")
     PPO("MlpPolicy", gym.make(ENV), seed=0, device="cpu", **SMALL).save(run / "best.zip")
@@ -94,7 +94,7 @@ def test_a_generalist_ships(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     """With its own program's command, and a score on each difficulty, without noise and with it."""
     run, models = tmp_path / "run", tmp_path / "models"
     run.mkdir()
-    monkeypatch.setattr(policies, "MODELS", models)
+    monkeypatch.setattr(policies, "PRETRAINED_FOLDER", models)
     weights = np.random.default_rng(0).normal(size=(NUMBERS, 2)).astype(np.float32)
     Network((Layer(weights, np.zeros(2, np.float32)),), judges=True).save(run / "best.npz")
     trained = train_generalist.Args(seed=7)

@@ -18,7 +18,7 @@ import pytest
 from agents import runs, train_rllib
 from agents.cluster import connect
 from minigolf_env.evaluation.evaluate import evaluate
-from minigolf_env.players.policies import PredictPolicy
+from minigolf_env.players.policies import SB3Policy
 
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::ResourceWarning")
 
@@ -99,7 +99,7 @@ def test_scores_improve_and_a_killed_worker_is_replaced(
 
     def score(training: train_rllib.Training) -> float:
         training.carry()
-        policy = PredictPolicy(training.model, args.observation)
+        policy = SB3Policy(training.model, args.observation)
         return evaluate(policy, "first", args.course, episodes=50, quiet=True).strokes
 
     def lend_and_score(training: train_rllib.Training) -> None:

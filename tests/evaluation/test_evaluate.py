@@ -1,4 +1,4 @@
-"""The score of a player on a hole, a round or levels."""
+"""Evaluation of a policy on a hole, a round or levels."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from minigolf_env import cli
 from minigolf_env.courses import NINE, ROUND
 from minigolf_env.courses.procedural import PROCEDURAL
 from minigolf_env.envs import MiniGolfEnv
-from minigolf_env.evaluation import evaluate as evaluation
+from minigolf_env.evaluation import evaluate as evaluate_module
 from minigolf_env.evaluation.evaluate import evaluate
 from minigolf_env.players.policies import load_policy
 
 
-class Aims:
-    """Putts straight at the cup, a little harder than it takes."""
+class Straight:
+    """A policy that putts straight at the cup, a little harder than necessary."""
 
     observation = "state"
 
@@ -31,41 +31,46 @@ class Aims:
         return np.asarray(observation[6:8] * np.float32(0.9))
 
 
-class AimsTogether(Aims):
-    """The same for many balls."""
+class StraightBatch(Straight):
+    """The same policy for batches of observations."""
 
-    def act_many(self, observations: NDArray[np.float32]) -> NDArray[np.float32]:
+    def act_batch(self, observations: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return the putts (N, 2)."""
         return np.asarray(observations[:, 6:8] * np.float32(0.9))
 
 
 @pytest.mark.parametrize("noise", [(0.0, 0.0), (2.0, 0.05)])
-def test_together_is_one_after_the_other(noise: tuple[float, float], monkeypatch: pytest.MonkeyPatch) -> None:
-    """A batch gives the score of single episodes, whatever its size: with noise, and with episodes that end early."""
-    monkeypatch.setattr(evaluation, "BATCH", 7)
+def test_batch_policy_gets_same_result_as_single_policy(
+    noise: tuple[float, float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Batches of any size give the result of single episodes, with noise and with episodes that end early."""
+    monkeypatch.setattr(evaluate_module, "MAX_BATCH_EPISODES", 7)
     settings = {"episodes": 20, "max_strokes": 5, "quiet": True, "putt_noise": noise}
-    one, many = (evaluate(policy, "aims", "straight", **settings) for policy in (Aims(), AimsTogether()))  # type: ignore[arg-type]
-    assert one == many
-    assert one.holed > 0.0 and 1.0 < one.strokes < 5.0
+    single, batch = (evaluate(policy, "straight", "straight", **settings) for policy in (Straight(), StraightBatch()))  # type: ignore[arg-type]
+    assert single == batch
+    assert single.holed > 0.0 and 1.0 < single.strokes < 5.0
 
 
-def test_the_command_says_the_same_twice(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """It prints the score and writes it with seeds and versions; a random player is far from par."""
-    file, records = tmp_path / "score.json", []
+def test_command_prints_table_and_writes_reproducible_report(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The report has the seeds and the versions of libraries; a random policy is far from par."""
+    file = tmp_path / "score.json"
+    reports = []
     for _ in range(2):
         cli.evaluate("random", episodes=8, putt_noise=(1.0, 0.02), json=file)
-        records.append(json.loads(file.read_text()))
-    assert records[0] == records[1] and list(tmp_path.iterdir()) == [file]
+        reports.append(json.loads(file.read_text()))
+    assert reports[0] == reports[1] and list(tmp_path.iterdir()) == [file]
     assert "mean strokes" in capsys.readouterr().out
-    score = records[0]
+    score = reports[0]
     assert (score["policy"], score["course"], score["first_seed"]) == ("random", "dogleg", 1_000_000)
     assert score["putt_noise"] == [1.0, 0.02] and {"minigolf_env", "numba", "python"} <= set(score["versions"])
     low, high = score["strokes_interval"]
     assert 3.0 < score["strokes"] <= 10.0 and low < score["strokes"] < high
 
 
-def test_search_plays_better_than_random() -> None:
-    """Search holes out, in fewer strokes."""
+def test_search_scores_better_than_random() -> None:
+    """Search holes out every time, in fewer strokes than the random policy."""
     search, random = (evaluate(load_policy(name), name, episodes=2, quiet=True) for name in ("search", "random"))
     assert search.holed == 1.0 and search.strokes < random.strokes
 
@@ -81,40 +86,47 @@ def test_search_plays_better_than_random() -> None:
         (["--putt-noise", "-1", "0"], "putt_noise"),
     ],
 )
-def test_a_users_mistake_ends_with_one_line(words: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """No traceback: the program exits with the message."""
+def test_command_reports_invalid_argument_without_traceback(
+    words: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The program exits with the error message."""
     with pytest.raises(SystemExit) as caught:
         cli.main(["evaluate", *words])
     assert caught.value.code == cli.FAILED and message in capsys.readouterr().err
 
 
-def test_watching_changes_no_score(display: str, tmp_path: Path) -> None:
-    """The putts are shown in a window meanwhile."""
-    watched, blind = tmp_path / "watched.json", tmp_path / "blind.json"
+def test_watching_does_not_change_result(display: str, tmp_path: Path) -> None:
+    """The putts are shown in a window during the evaluation; the report is the same."""
+    watched = tmp_path / "watched.json"
+    unwatched = tmp_path / "unwatched.json"
     words = ["evaluate", "--policy", "random", "--episodes", "1", "--max-strokes", "1", "--json"]
     command = [sys.executable, "-m", "minigolf_env.cli", *words, str(watched), "--watch"]
     subprocess.run(command, env={**os.environ, "DISPLAY": display}, check=True, timeout=300)
-    cli.main([*words, str(blind)])
-    assert watched.read_text() == blind.read_text()
+    cli.main([*words, str(unwatched)])
+    assert watched.read_text() == unwatched.read_text()
 
 
-def test_levels_are_played_one_after_the_other() -> None:
-    """Episode i on level first_seed + i, from the middle of its tee; in a batch as one by one."""
+def test_levels_are_played_in_order() -> None:
+    """Episode i is on level first_seed + i, from the middle of its tee; a batch has the result of single episodes."""
     settings = {"difficulty": "easy", "episodes": 4, "max_strokes": 3, "first_seed": 50}
-    one, many = (evaluate(policy, "aims", PROCEDURAL, **settings) for policy in (Aims(), AimsTogether()))  # type: ignore[arg-type]
-    assert one == many and (one.difficulty, one.first_seed) == ("easy", 50)
+    single, batch = (evaluate(policy, "straight", PROCEDURAL, **settings) for policy in (Straight(), StraightBatch()))  # type: ignore[arg-type]
+    assert single == batch and (single.difficulty, single.first_seed) == ("easy", 50)
 
 
-def test_a_round_is_played_hole_by_hole() -> None:
-    """Though each episode is seeded: its strokes are those of the holes alone, in a batch as one by one."""
-    aims = Aims()
-    holes = [evaluate(aims, "aims", name, episodes=1, first_seed=7 + k, max_strokes=3) for k, name in enumerate(NINE)]
-    one, many = (evaluate(p, "aims", ROUND, episodes=9, first_seed=7, max_strokes=3) for p in (aims, AimsTogether()))
-    assert one == many and one.strokes == np.mean([hole.strokes for hole in holes])
+def test_round_is_played_hole_by_hole() -> None:
+    """The mean strokes of a round are those of its holes evaluated alone, in a batch and one by one."""
+    policy = Straight()
+    holes = [
+        evaluate(policy, "straight", name, episodes=1, first_seed=7 + k, max_strokes=3) for k, name in enumerate(NINE)
+    ]
+    single, batch = (
+        evaluate(each, "straight", ROUND, episodes=9, first_seed=7, max_strokes=3) for each in (policy, StraightBatch())
+    )
+    assert single == batch and single.strokes == np.mean([hole.strokes for hole in holes])
 
 
-def test_a_single_episode_is_json_too(tmp_path: Path) -> None:
-    """Its interval has no ends: null, which any reader of JSON takes. The file's folder is made."""
+def test_report_of_single_episode_is_valid_json(tmp_path: Path) -> None:
+    """The infinite ends of its interval are written as null. The folder of the file is made."""
     file = tmp_path / "new" / "score.json"
     cli.evaluate("search", episodes=1, json=file)
     score = json.loads(file.read_text(), parse_constant=lambda name: pytest.fail(f"{name} is no JSON"))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from minigolf_env.envs import MiniGolfEnv, MiniGolfVectorEnv
-from minigolf_env.evaluation.benchmark import play_together
+from minigolf_env.evaluation.rollout import run_episodes_batched
 from minigolf_env.players.network import Layer, Network
 from minigolf_env.players.policies import ModelPolicy, RandomPolicy, load_policy
 from minigolf_env.players.putt_features import NUMBERS
@@ -38,7 +38,7 @@ def test_a_judge_of_other_numbers_is_refused(tmp_path: Path) -> None:
     assert policy.observation == "echoes"
     env = MiniGolfEnv(observation="echoes")
     seen = np.array([env.reset(seed=seed)[0] for seed in range(3)])
-    putts = policy.act_many(seen)
+    putts = policy.act_batch(seen)
     assert np.abs(putts).max() <= 1.0
     assert all(policy.act(row, env).tobytes() == putt.tobytes() for row, putt in zip(seen, putts, strict=True))
 
@@ -48,7 +48,7 @@ def test_the_generalist_plays_levels_it_has_never_seen() -> None:
     policy = load_policy("generalist")
     assert isinstance(policy, ModelPolicy)
     envs = MiniGolfVectorEnv(30, "procedural", difficulty="easy", observation="echoes", tee="fixed", num_levels=1)
-    played = play_together(envs, policy, None, {"level": list(range(2_000_000, 2_000_030))})
+    played = run_episodes_batched(envs, policy, None, {"level": list(range(2_000_000, 2_000_030))})
     assert all(episode.holed for episode in played)
     assert np.mean([episode.strokes for episode in played]) < 1.9
 

@@ -1,0 +1,41 @@
+"""95 % confidence intervals of means, ratios of means and shares."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+Interval = tuple[float, float]
+
+NORMAL_QUANTILE_95 = 1.96
+"""Two-sided 95 % quantile of the standard normal distribution."""
+
+
+def mean_interval(values: ArrayLike) -> Interval:
+    """Return the 95 % confidence interval of a mean, by the normal distribution; infinite for a single value."""
+    array = np.asarray(values, dtype=np.float64)
+    margin = NORMAL_QUANTILE_95 * float(array.std(ddof=1)) / math.sqrt(len(array)) if len(array) > 1 else math.inf
+    return float(array.mean() - margin), float(array.mean() + margin)
+
+
+def ratio_interval(values: ArrayLike, references: ArrayLike) -> Interval:
+    """Return the 95 % confidence interval of the ratio of two means of paired values.
+
+    Source: W. G. Cochran, Sampling Techniques, 1977, section 6.4.
+    """
+    x = np.asarray(values, dtype=np.float64)
+    y = np.asarray(references, dtype=np.float64)
+    ratio = float(x.mean() / y.mean())
+    low, high = mean_interval(x - ratio * y)
+    return ratio + low / float(y.mean()), ratio + high / float(y.mean())
+
+
+def wilson_interval(successes: int, n: int) -> Interval:
+    """Return the 95 % confidence interval of a share, which is also sound near 0 and 1 (E. B. Wilson, 1927)."""
+    z = NORMAL_QUANTILE_95
+    share = successes / n
+    centre = share + z * z / (2 * n)
+    spread = z * math.sqrt(share * (1 - share) / n + z * z / (4 * n * n))
+    return max(0.0, (centre - spread) / (1 + z * z / n)), min(1.0, (centre + spread) / (1 + z * z / n))
