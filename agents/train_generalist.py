@@ -32,7 +32,7 @@ from torch.nn.functional import binary_cross_entropy_with_logits, mse_loss, soft
 from agents import runs
 from minigolf_env._atomic_io import atomic_write
 from minigolf_env.courses.procedural import PROCEDURAL
-from minigolf_env.envs.task import Game
+from minigolf_env.envs.task import TaskBatch
 from minigolf_env.evaluation.evaluate import EvaluationResult
 from minigolf_env.players.network import Layer, Network, check_weights, read_network
 from minigolf_env.players.policies import ModelPolicy
@@ -55,7 +55,7 @@ class Args(runs.Run):
     difficulties: tuple[str, ...] = ("easy", "medium", "medium")
     """Of the levels, learned as often as they are named, and scored."""
     num_levels: int | None = 500_000
-    observation: str = "echoes"
+    observation: str = "bounce_rays"
     putts: int = 2_000_000
     """Putts to try."""
     num_envs: int = 96
@@ -197,8 +197,8 @@ class Training:
         args, envs, rng, seen = self.args, self.batches[k].unwrapped, self.rng, self.seen[k]
         directions, rolls = self.around(best(seen, judge.cost, QUICK, rng))
         outcome = envs.what_if(actions(*self.disturb(directions, rolls)))  # type: ignore[attr-defined]
-        game: Game = envs.game  # type: ignore[attr-defined]
-        left = -game.potential(outcome.position.swapaxes(0, 1)).T
+        tasks: TaskBatch = envs.task_batch  # type: ignore[attr-defined]
+        left = -tasks.potential(outcome.position.swapaxes(0, 1)).T
         rows, tries = np.arange(len(seen)), rng.integers(args.tries, size=len(seen))
         played = rows, np.where(rng.random(len(seen)) < args.greedy, 0, tries)
         self.seen[k] = envs.step(actions(directions[played], rolls[played]))[0]
@@ -267,9 +267,9 @@ def log_uniform(rng: np.random.Generator, between: tuple[float, float], shape: t
 def main(args: Args) -> list[EvaluationResult]:
     """Train, score, print the tables."""
     began = time.monotonic()
-    if args.observation != "echoes" or args.reward != "shaped":
+    if args.observation != "bounce_rays" or args.reward != "shaped":
         raise SystemExit(
-            f"expected observation echoes and reward shaped, received {args.observation} and {args.reward}."
+            f"expected observation bounce_rays and reward shaped, received {args.observation} and {args.reward}."
         )
     if args.difficulty is not None:
         raise SystemExit(f"difficulty: expected none, received {args.difficulty!r}; give --difficulties, one or more.")

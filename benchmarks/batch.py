@@ -25,7 +25,7 @@ from stable_baselines3.common.vec_env import VecMonitor
 from agents.sb3_vec_env import SB3VecEnv
 from benchmarks.report import print_table, short
 from minigolf_env.envs import MiniGolfVectorEnv
-from minigolf_env.envs.task import MAX_TIME
+from minigolf_env.envs.task import MAX_PUTT_TIME
 
 NEVER = 1_000_000
 """Strokes of an episode that does not end in time."""
@@ -74,8 +74,8 @@ def steps(args: Args, idle: bool, **options: Any) -> Cost:
         putts = np.zeros((args.envs, 2)) if idle else rng.uniform(-1, 1, (args.envs, 2))
         # With SameStep every environment plays in every step.
         starts = np.array([state["position"] for state in envs.get_state()])
-        velocities, world = envs.game.launch(putts), envs.game.world
-        alone = seconds(lambda: world.simulate_batch(starts, velocities, MAX_TIME))  # noqa: B023 (called at once)
+        velocities, world = envs.task_batch.launch_velocity(putts), envs.task_batch.world
+        alone = seconds(lambda: world.simulate_batch(starts, velocities, MAX_PUTT_TIME))  # noqa: B023 (called at once)
         whole = seconds(lambda: envs.step(putts))  # noqa: B023
         times.append((whole, alone, whole / alone, whole - alone))
     whole, alone, ratio, own = (statistics.median(column) for column in zip(*times, strict=True))

@@ -127,7 +127,7 @@ def examine(env: MiniGolfEnv, difficulty: str, level: int, args: Args) -> Report
 def _is_low(task: Task, ball: FloatArray, velocity: FloatArray) -> bool:
     """Return whether a putt gets nowhere as high as the border's lowest top."""
     heights = next(part.mesh.vertices[:, 2] for part in task.course.parts if part.name == "border")
-    path, _ = task.trace(ball, velocity)
+    path, _ = task.simulate_path(ball, velocity)
     return bool(path[:, 2].max() < heights[heights > heights.min()].min())  # All but the tops are at one level.
 
 

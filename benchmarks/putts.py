@@ -14,7 +14,7 @@ import tyro
 
 from benchmarks.watch import stuck
 from minigolf_env.courses import list_courses, load_course
-from minigolf_env.envs.config import make_task
+from minigolf_env.envs.config import build_task
 from minigolf_env.physics import Status
 
 
@@ -48,7 +48,7 @@ def main(args: Args) -> None:
         seconds = time.perf_counter() - began
         holed = ""
         if course.cup is not None:
-            task = make_task(course)
+            task = build_task(course)
             in_cup = task.is_holed(shots.position, shots.velocity)
             lies = shots.position[~in_cup & (np.asarray(shots.status) == Status.REST)]
             lies = rng.permutation(lies)[: args.lies]

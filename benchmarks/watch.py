@@ -61,8 +61,8 @@ def watch(env: MiniGolfEnv) -> Watched:
 def random_putts(task: Task, balls: FloatArray, rng: np.random.Generator) -> tuple[FloatArray, Outcome]:
     """Return the launch velocities (N, 3) of putts in any direction, most of them strong, and what became of them."""
     turns, shares = rng.uniform(0.0, 2.0 * np.pi, len(balls)), rng.random(len(balls)) ** 0.5
-    velocities = task.launch(np.stack([shares * np.cos(turns), shares * np.sin(turns)], axis=-1))
-    return velocities, task.play(balls, velocities)
+    velocities = task.launch_velocity(np.stack([shares * np.cos(turns), shares * np.sin(turns)], axis=-1))
+    return velocities, task.simulate(balls, velocities)
 
 
 def stuck(task: Task, balls: FloatArray) -> int:
@@ -70,7 +70,7 @@ def stuck(task: Task, balls: FloatArray) -> int:
     turns = 2.0 * np.pi * np.arange(PROBES) / PROBES
     putts = np.where(np.arange(PROBES)[:, None] % 2, 0.15, 1.0) * np.stack([np.cos(turns), np.sin(turns)], axis=-1)
     starts = np.repeat(balls, PROBES, axis=0)
-    outcome = task.play(starts, task.launch(np.tile(putts, (len(balls), 1))))
+    outcome = task.simulate(starts, task.launch_velocity(np.tile(putts, (len(balls), 1))))
     away = np.linalg.norm(outcome.position - starts, axis=1).reshape(-1, PROBES)
     moved = (away.max(axis=1) > MOVED) | outcome.holed.reshape(-1, PROBES).any(axis=1)
     return int((~moved).sum())

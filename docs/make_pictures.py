@@ -24,7 +24,7 @@ def hole_in_one(moment: float) -> Image.Image:
     env = MiniGolfEnv("dogleg")
     env.reset(seed=1)
     start = np.array(env.get_state()["position"])
-    path, times = env.task.trace(start, env.task.launch(search(env).action.astype(np.float64)))
+    path, times = env.task.simulate_path(start, env.task.launch_velocity(search(env).action.astype(np.float64)))
     film = Replay(env.task.course, path, times, "follow", SIZE[0] / SIZE[1])
     camera, frame = film.at(moment)
     return Image.fromarray(draw(env.task.course, camera, frame._replace(lines=(film.way(400),)), SIZE))

@@ -160,7 +160,7 @@ def rows(page: Path, heading: str) -> list[list[str]]:
 
 def defaults() -> dict[str, Any]:
     """Return the arguments of MiniGolf-v0 with their defaults, from the functions that take them."""
-    takers = (MiniGolfEnv.__init__, options.make_setup, options.make_tasks, options.make_task)
+    takers = (MiniGolfEnv.__init__, options.build_env_config, options.build_task_sampler, options.build_task)
     named = [parameter for taker in takers for parameter in inspect.signature(taker).parameters.values()]
     return {p.name: p.default for p in reversed(named) if p.default is not p.empty}
 

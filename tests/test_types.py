@@ -23,9 +23,9 @@ def test_a_users_program_has_the_types_it_expects() -> None:
 def test_the_typed_arguments_are_those_that_are_taken() -> None:
     """Each function behind the door takes some of them, with a default; together they take all, and no others."""
     taken: set[str] = set()
-    for function in (door.make_setup, door.make_tasks, door.make_task):
+    for function in (door.build_env_config, door.build_task_sampler, door.build_task):
         parameters = inspect.signature(function).parameters.values()
         taken |= {p.name for p in parameters if p.kind is p.KEYWORD_ONLY and p.default is not p.empty}
-    assert taken == set(door.Options.__annotations__)
+    assert taken == set(door.EnvOptions.__annotations__)
     told = str(inspect.getdoc(MiniGolfEnv))
     assert all(f"\n    {name}: " in told for name in taken)

@@ -30,7 +30,7 @@ import tyro
 
 import minigolf_env  # noqa: F401 (registers the environment)
 from minigolf_env._atomic_io import write_text
-from minigolf_env.envs import in_turn
+from minigolf_env.envs import round_reset_options
 from tests.physics import golden
 
 ROOT = Path(__file__).parents[1]
@@ -113,7 +113,7 @@ def play_alone(kind: str, seeds: range) -> Iterator[list[Any]]:
     options = KINDS[kind]
     env: Any = gym.make(ID, **options).unwrapped
     for seed in seeds:
-        seen = [*env.reset(seed=seed, options=in_turn(options.get("course", ""), seed)), env.get_state()]
+        seen = [*env.reset(seed=seed, options=round_reset_options(options.get("course", ""), seed)), env.get_state()]
         for putt in putts(seed, env.task.max_strokes):
             seen += [*env.step(putt), env.get_state()]
             if env.get_state()["over"]:
@@ -125,11 +125,11 @@ def play_together(kind: str, seeds: range) -> Iterator[list[Any]]:
     """Yield the same, played by a batch as large as there are seeds."""
     options, n = KINDS[kind], len(seeds)
     envs: Any = gym.make_vec(ID, num_envs=n, **options).unwrapped
-    chosen = [in_turn(options.get("course", ""), seed) for seed in seeds]
+    chosen = [round_reset_options(options.get("course", ""), seed) for seed in seeds]
     results = envs.reset(seed=seeds[0], options={key: [one[key] for one in chosen] for key in chosen[0]})
     seen: list[list[Any]] = [[*row(results, i), state] for i, state in enumerate(envs.get_state())]
     playing = set(range(n))
-    for stroke in range(envs.game.max_strokes):
+    for stroke in range(envs.task_batch.max_strokes):
         results = envs.step(np.array([putts(seed, stroke + 1)[stroke] for seed in seeds]))
         states = envs.get_state()
         for i in sorted(playing):

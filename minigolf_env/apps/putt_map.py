@@ -13,7 +13,7 @@ from tqdm import tqdm
 from minigolf_env._atomic_io import atomic_write
 from minigolf_env._validation import one_of
 from minigolf_env.courses import Course, load_course
-from minigolf_env.envs.config import check_lie, make_task
+from minigolf_env.envs.config import build_task, check_position
 from minigolf_env.envs.task import Outcome, Result
 
 if TYPE_CHECKING:
@@ -75,18 +75,18 @@ def simulate(
     if directions < 1 or speeds < 1:
         raise ValueError(f"map: expected directions and speeds >= 1, received {(directions, speeds)}.")
     golf = load_course(course)
-    task = make_task(golf)
+    task = build_task(golf)
     x, y = golf.tee.centre if tee is None else tee
-    start = check_lie(task, (x, y, golf.tee.height + golf.ball_radius))
+    start = check_position(task, (x, y, golf.tee.height + golf.ball_radius))
     degrees: NDArray[np.float64] = np.array(range(directions) if among is None else among) * (360.0 / directions)
     shares: NDArray[np.float64] = np.arange(1.0, speeds + 1.0) / speeds
     turn, share = (grid.ravel() for grid in np.meshgrid(np.radians(degrees), shares, indexing="ij"))
-    velocities = task.launch(np.c_[share * np.cos(turn), share * np.sin(turn)])
+    velocities = task.launch_velocity(np.c_[share * np.cos(turn), share * np.sin(turn)])
     done = []
     with tqdm(total=len(velocities), unit=" putts", disable=None if progress else True) as bar:
         for first in range(0, len(velocities), CHUNK):
             some = velocities[first : first + CHUNK]
-            done.append(task.play(np.tile(start, (len(some), 1)), some))
+            done.append(task.simulate(np.tile(start, (len(some), 1)), some))
             bar.update(len(some))
     whole = (
         np.concatenate(field).reshape(len(degrees), speeds, *field[0].shape[1:]) for field in zip(*done, strict=True)

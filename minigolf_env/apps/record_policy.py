@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from tqdm import tqdm
 
 from minigolf_env._validation import integer, one_of
-from minigolf_env.envs import MiniGolfEnv, in_turn
+from minigolf_env.envs import MiniGolfEnv, round_reset_options
 from minigolf_env.players.policies import Policy, load_policy
 from minigolf_env.rendering import PROFILES, check_size, picture_count
 from minigolf_env.rendering.video_writer import VideoWriter, check_fps, check_path
@@ -60,7 +60,7 @@ def record_policy(
     # Each episode has its own environment, which remembers its putts: what is to be drawn is known before it is drawn.
     stages = [MiniGolfEnv(course, "rgb_array_list", **look) for _ in range(episodes)]
     playing = tqdm(stages, "Playing", leave=False, disable=None)
-    shows = [_play(env, player, seed + k, in_turn(course, k), fps) for k, env in enumerate(playing)]
+    shows = [_play(env, player, seed + k, round_reset_options(course, k), fps) for k, env in enumerate(playing)]
     with VideoWriter(path, size, fps) as writer:
         _draw(stages, writer, sum(show.pictures for show in shows))
     print(

@@ -26,7 +26,7 @@ class Attributes(gym.vector.VectorEnv[Observations, Actions, NDArray[Any]]):
 
     _rngs: NDArray[np.object_]
     """(N,) their generators; none before the first reset."""
-    _holes: NDArray[np.object_]
+    _tasks: NDArray[np.object_]
     """(N,) their tasks."""
 
     @abstractmethod
@@ -69,7 +69,7 @@ class Attributes(gym.vector.VectorEnv[Observations, Actions, NDArray[Any]]):
         if name in SHARED:
             return (getattr(self, SHARED[name]),) * self.num_envs
         if name == "task":
-            return tuple(self._holes)
+            return tuple(self._tasks)
         if name == "np_random":
             self._require_balls()
             return tuple(self._rngs)

@@ -16,22 +16,22 @@ from minigolf_env._validation import finite_array, integer, one_of, positive_num
 from minigolf_env.courses import NINE, ROUND, Course, list_courses, load_course
 from minigolf_env.courses.library import ROOMS
 from minigolf_env.courses.procedural import DIFFICULTIES, LEVELS_KEPT, PROCEDURAL, is_level_name, level_name
-from minigolf_env.envs.hole_params import Holes
-from minigolf_env.envs.observations import OBSERVERS, Observer
-from minigolf_env.envs.samplers import Levels, OneHole, Round, Tasks
+from minigolf_env.envs.hole_params import HoleParams
+from minigolf_env.envs.observations import OBSERVATIONS, ObservationType
+from minigolf_env.envs.samplers import LevelSampler, SequentialTasks, SingleTask, TaskSampler
 from minigolf_env.envs.task import REWARDS, FloatArray, Task
 from minigolf_env.physics import World
 from minigolf_env.physics.world import IMPACTS
 from minigolf_env.rendering import CAMERAS, PROFILES, Settings, check_size
 
-TEES = ("random", "fixed")
+TEE_CHOICES = ("random", "fixed")
 
-NOISE = "give the standard deviations of direction (degrees) and speed (share of it)."
-LIE = "give the ball's centre, m."
+NOISE_HINT = "give the standard deviations of direction (degrees) and speed (share of it)."
+POSITION_HINT = "give the ball's centre, m."
 PUTT = "a putt is a vector x, y; its length, up to 1, is the share of the top speed."
 
 
-class Options(TypedDict, total=False):
+class EnvOptions(TypedDict, total=False):
     """Further arguments of an environment; MiniGolfEnv's docstring says what they mean."""
 
     observation: str
@@ -52,16 +52,16 @@ class Options(TypedDict, total=False):
     impact: str
 
 
-class Setup(NamedTuple):
+class EnvConfig(NamedTuple):
     """What an environment's arguments describe."""
 
-    tasks: Tasks
-    observer: Observer
+    tasks: TaskSampler
+    observer: ObservationType
     settings: Settings
     """How it shows itself."""
 
 
-def make_setup(
+def build_env_config(
     course: str | Course,
     render_modes: Sequence[str],
     render_mode: str | None,
@@ -72,14 +72,14 @@ def make_setup(
     render_profile: str = "auto",
     render_speed: float = 1.0,
     **rules: Any,
-) -> Setup:
+) -> EnvConfig:
     """Return what an environment's arguments describe; MiniGolfEnv's docstring says what they mean.
 
     Raises:
         TypeError: there is no such argument.
         ValueError: an argument is not what it should be.
     """
-    names = ("num_envs", "autoreset_mode", "course", "render_mode", *Options.__annotations__)
+    names = ("num_envs", "autoreset_mode", "course", "render_mode", *EnvOptions.__annotations__)
     for name in rules.keys() - set(names):
         raise TypeError(unknown_choice_message(name, names, "argument"))
     if render_mode is not None:
@@ -91,18 +91,18 @@ def make_setup(
         profile=one_of(render_profile, PROFILES, "render_profile"),
         speed=positive_number(render_speed, "render_speed", "1 is real time."),
     )
-    observer = OBSERVERS[one_of(observation, tuple(OBSERVERS), "observation")]
-    return Setup(make_tasks(course, **rules), observer, settings)
+    observer = OBSERVATIONS[one_of(observation, tuple(OBSERVATIONS), "observation")]
+    return EnvConfig(build_task_sampler(course, **rules), observer, settings)
 
 
-def make_tasks(
+def build_task_sampler(
     course: str | Course = "dogleg",
     *,
     difficulty: str | None = None,
     start_level: int | None = None,
     num_levels: int | None = None,
     **rules: Any,
-) -> Tasks:
+) -> TaskSampler:
     """Return what an environment's arguments draw holes from.
 
     Raises:
@@ -116,16 +116,16 @@ def make_tasks(
             raise ValueError(
                 f"{', '.join(given)}: expected with course={PROCEDURAL!r} only, received {given} with {course!r:.80}."
             )
-        return _make_round(rules) if course == ROUND else OneHole(make_task(_check_name(course), **rules))
+        return _build_round(rules) if course == ROUND else SingleTask(build_task(_check_name(course), **rules))
     known = one_of(given.get("difficulty", DIFFICULTIES[0]), DIFFICULTIES, "difficulty")
-    levels = Levels(
-        functools.partial(_make_level, known, rules), given.get("start_level", 0), given.get("num_levels", 500)
+    levels = LevelSampler(
+        functools.partial(_build_level, known, rules), given.get("start_level", 0), given.get("num_levels", 500)
     )
-    levels.first()  # What is wrong with the rules is said here, not at the first reset.
+    levels.default()  # What is wrong with the rules is said here, not at the first reset.
     return levels
 
 
-def make_task(
+def build_task(
     course: str | Course = "dogleg",
     *,
     reward: str = "shaped",
@@ -149,13 +149,14 @@ def make_task(
             "load_course(...).world() throws a ball in a room without golf."
         )
     speed = golf.top_speed if top_speed is None else top_speed
+    speed = positive_number(speed, "top_speed", "give the launch speed of a full putt in m/s.")
     return Task(
         courses=(golf,),
-        holes=Holes.of(golf, positive_number(speed, "top_speed", "give the launch speed of a full putt in m/s.")),
+        params=HoleParams.from_course(golf, speed),
         world=_world(golf, positive_number(dt, "dt", "1/120 s suits minigolf."), one_of(impact, IMPACTS, "impact")),
         reward=one_of(reward, REWARDS, "reward"),
         max_strokes=integer(max_strokes, "max_strokes", 1),
-        random_tee=one_of(tee, TEES, "tee") == "random",
+        random_tee=one_of(tee, TEE_CHOICES, "tee") == "random",
         putt_noise=check_noise(putt_noise),
     )
 
@@ -167,20 +168,20 @@ def _check_name(course: str | Course) -> str | Course:
     return course
 
 
-def _make_round(rules: dict[str, Any]) -> Round:
+def _build_round(rules: dict[str, Any]) -> SequentialTasks:
     """Return the round; what is wrong with the rules is said here, not at a later hole."""
-    nine = Round(functools.partial(_make_hole, rules), len(NINE))
+    nine = SequentialTasks(functools.partial(_build_hole, rules), len(NINE))
     for number in range(1, 1 + (1 if rules.get("cup_radius") is None else nine.number)):
-        nine.level(number)
+        nine.get(number)
     return nine
 
 
-def _make_hole(rules: dict[str, Any], number: int) -> Task:
-    return replace(make_task(NINE[number - 1], **rules), level=number)
+def _build_hole(rules: dict[str, Any], number: int) -> Task:
+    return replace(build_task(NINE[number - 1], **rules), index=number)
 
 
-def _make_level(difficulty: str, rules: dict[str, Any], level: int) -> Task:
-    return replace(make_task(level_name(difficulty, level), **rules), level=level)
+def _build_level(difficulty: str, rules: dict[str, Any], level: int) -> Task:
+    return replace(build_task(level_name(difficulty, level), **rules), index=level)
 
 
 def check_actions(actions: ArrayLike, shape: tuple[int | None, ...]) -> FloatArray:
@@ -188,14 +189,14 @@ def check_actions(actions: ArrayLike, shape: tuple[int | None, ...]) -> FloatArr
     return finite_array(actions, shape, "action", PUTT)
 
 
-def check_lie(task: Task, position: ArrayLike) -> FloatArray:
+def check_position(task: Task, position: ArrayLike) -> FloatArray:
     """Return a ball's centre (3,) as an array if the ball can lie there, or raise a ValueError."""
-    ball = finite_array(position, (3,), "position", LIE)
-    require_lie(task, ball)
+    ball = finite_array(position, (3,), "position", POSITION_HINT)
+    check_positions(task, ball)
     return ball
 
 
-def require_lie(task: Task, balls: FloatArray) -> None:
+def check_positions(task: Task, balls: FloatArray) -> None:
     """Raise a ValueError unless balls (3,) or (N, 3) can lie there: in free space within the bounds."""
     task.world.require_free(balls)
     lower, upper = np.asarray(task.course.bounds)
@@ -246,9 +247,9 @@ def one_each(value: Any, n: int, what: str) -> list[Any]:
 
 def check_noise(value: tuple[float, float]) -> tuple[float, float]:
     """Return standard deviations of direction (degrees) and speed (share of it), or raise a ValueError."""
-    degrees, share = finite_array(value, (2,), "putt_noise", NOISE).tolist()
+    degrees, share = finite_array(value, (2,), "putt_noise", NOISE_HINT).tolist()
     if degrees < 0.0 or share < 0.0:
-        raise ValueError(f"putt_noise: expected numbers >= 0, received {value!r}; {NOISE}")
+        raise ValueError(f"putt_noise: expected numbers >= 0, received {value!r}; {NOISE_HINT}")
     return degrees, share
 
 

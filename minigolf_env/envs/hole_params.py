@@ -12,26 +12,26 @@ from minigolf_env.courses import Course
 
 FloatArray = NDArray[np.float64]
 
-SHORTEST = 1e-9
+MIN_SEGMENT_LENGTH = 1e-9
 """Legs of a route shorter than this are points, m."""
 
 
-class Leg(NamedTuple):
+class RouteSegment(NamedTuple):
     """A straight part of the way of play, in plan; each field has the shape of the holes, () or (N,)."""
 
     start: tuple[FloatArray, FloatArray]
     """x, y of its beginning, m."""
-    way: tuple[FloatArray, FloatArray]
+    vector: tuple[FloatArray, FloatArray]
     """x, y from its beginning to its end, m."""
-    square: FloatArray
+    length_sq: FloatArray
     """Its squared length, m^2; not zero."""
     end: tuple[FloatArray, FloatArray]
     """x, y of its end, m."""
-    after: FloatArray
+    remaining: FloatArray
     """How long the legs after it are, m."""
 
 
-class Holes(NamedTuple):
+class HoleParams(NamedTuple):
     """What the rules know of holes, as arrays; each has a leading shape () for one hole, or (N,) for a hole a ball."""
 
     cup: FloatArray
@@ -52,7 +52,7 @@ class Holes(NamedTuple):
     """(..., K, 2) the way of play, m; its last point as often as it takes to fill K rows."""
 
     @staticmethod
-    def of(course: Course, top_speed: float) -> Holes:
+    def from_course(course: Course, top_speed: float) -> HoleParams:
         """Return a course's hole.
 
         Raises:
@@ -63,23 +63,23 @@ class Holes(NamedTuple):
         height = course.tee.height + course.ball_radius
         tee = [(*corner, height) for corner in (course.tee.lower, course.tee.upper)]
         numbers = (course.cup.position, course.cup.radius, course.ball_radius, abs(course.gravity[2]), top_speed)
-        return Holes(*(np.asarray(number) for number in (*numbers, tee, course.bounds, course.route)))
+        return HoleParams(*(np.asarray(number) for number in (*numbers, tee, course.bounds, course.route)))
 
     @staticmethod
-    def together(holes: Sequence[Holes]) -> Holes:
+    def stack(holes: Sequence[HoleParams]) -> HoleParams:
         """Return N holes as one table."""
         routes = np.empty((len(holes), max(len(hole.route) for hole in holes), 2))
         for row, hole in zip(routes, holes, strict=True):
             row[:] = hole.route[-1]
             row[: len(hole.route)] = hole.route
         fields = zip(*(hole[:-1] for hole in holes), strict=True)
-        return Holes(*(np.array(field) for field in (*fields, routes)))
+        return HoleParams(*(np.array(field) for field in (*fields, routes)))
 
-    def of_rows(self, rows: NDArray[np.int64]) -> Holes:
+    def take(self, rows: NDArray[np.int64]) -> HoleParams:
         """Return the holes of some balls."""
-        return Holes(*(field[rows] for field in self))
+        return HoleParams(*(field[rows] for field in self))
 
-    def legs(self) -> list[Leg]:
+    def route_segments(self) -> list[RouteSegment]:
         """Return the legs of the way of play, in their order."""
         x, y = self.route[..., 0], self.route[..., 1]
         legs, after = [], np.zeros(x.shape[:-1])
@@ -87,6 +87,6 @@ class Holes(NamedTuple):
             start, end = (x[..., k], y[..., k]), (x[..., k + 1], y[..., k + 1])
             way = end[0] - start[0], end[1] - start[1]
             length = np.hypot(*way)
-            legs.append(Leg(start, way, np.maximum(length, SHORTEST) ** 2, end, after))
+            legs.append(RouteSegment(start, way, np.maximum(length, MIN_SEGMENT_LENGTH) ** 2, end, after))
             after = after + length
         return legs[::-1]

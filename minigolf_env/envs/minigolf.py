@@ -10,8 +10,15 @@ from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
 from minigolf_env.courses import Course
-from minigolf_env.envs.config import Options, check_actions, check_lie, check_options, make_setup, require_lie
-from minigolf_env.envs.episode_state import number_of, read_state, state_of
+from minigolf_env.envs.config import (
+    EnvOptions,
+    build_env_config,
+    check_actions,
+    check_options,
+    check_position,
+    check_positions,
+)
+from minigolf_env.envs.episode_state import decode_state, encode_state, task_index_info
 from minigolf_env.envs.task import FloatArray, Outcome, Result, action_space
 from minigolf_env.rendering import FPS, RENDER_MODES, Screen, Stage
 
@@ -43,10 +50,10 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
     is 0.5 m or more; the slope of the ground along x and y; and, in the same scale on every hole, numbers 6 and 7, 1 is
     8 m or more, and the cup's height above the ball, m.
 
-    With ``observation="echoes"`` it is ``Box(-1, 1, (2320,), float32)``: numbers 0 to 9; what "rays" tell of the ground
-    and the cup; and of 96 rays, which follow the ground and go on off three walls, four legs of six numbers each. These
-    are where it ends, x and y from the ball, 1 is 16 m; the wall's normal, x and y; the height there and the greatest
-    so far, m.
+    With ``observation="bounce_rays"`` it is ``Box(-1, 1, (2320,), float32)``: numbers 0 to 9; the ground and cup
+    numbers of "rays"; and for each of 96 rays, which follow the ground and are reflected off up to three walls, four
+    segments of six numbers each: where the segment ends, x and y from the ball, 1 is 16 m; the wall's normal there, x
+    and y; the height of the end and the greatest height so far, m.
 
     With ``observation="pixels"`` it is ``Box(0, 255, (84, 84, 3), uint8)``: the course from above, x to the right and y
     up, the ball drawn large enough to be seen; the white share of the lowest two rows is the share of strokes left.
@@ -95,7 +102,7 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
             GPU.
         render_speed: how much faster than real time the window shows a putt.
         reward: "shaped" or "strokes".
-        observation: "state", "rays", "echoes" or "pixels".
+        observation: "state", "rays", "bounce_rays" or "pixels".
         max_strokes: strokes after which an episode ends, at least 1.
         tee: "random" or "fixed".
         top_speed: launch speed of a full putt, m/s; None: the course's.
@@ -121,10 +128,10 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
         self,
         course: str | Course = "dogleg",
         render_mode: str | None = None,
-        **options: Unpack[Options],
+        **options: Unpack[EnvOptions],
     ) -> None:
-        self._tasks, self._observer, settings = make_setup(course, RENDER_MODES, render_mode, **options)
-        self.task = self._tasks.first()
+        self._sampler, self._observer, settings = build_env_config(course, RENDER_MODES, render_mode, **options)
+        self.task = self._sampler.default()
         self.render_mode = render_mode
         self.screen = Screen(self._stage(), settings)
         self.action_space = action_space()
@@ -141,19 +148,19 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
         ``options["level"]`` is the number of the level to play, of the training set or not; of a round it is
         ``options["hole"]``.
         """
-        key = self._tasks.key
+        key = self._sampler.index_name
         given = check_options(options, key, "position")
         level, position = given.get(key), given.get("position")
-        if position is not None and level is None and self._tasks.has_levels:
+        if position is not None and level is None and self._sampler.is_indexed:
             raise ValueError(f"position: expected with a '{key}', received none; it is a place on one {key}.")
-        task = None if level is None else self._tasks.level(level)
+        task = None if level is None else self._sampler.get(level)
         if position is not None:
-            position = check_lie(task or self.task, position)
+            position = check_position(task or self.task, position)
         super().reset(seed=seed)
         last = None if seed is not None or self._position is None else self.task
-        self.task = task or self._tasks.draw(self.np_random, last)
+        self.task = task or self._sampler.sample(self.np_random, last)
         if position is None:
-            position = self.task.tee_off([self.np_random])[0]
+            position = self.task.sample_start([self.np_random])[0]
         self._position, self._strokes, self._over = position, 0, False
         self.screen.put(position, self._stage())
         return self._observe(), self._info("tee", 0.0, 0, holed=False)
@@ -164,9 +171,9 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
         if self._over:
             raise ResetNeeded("The episode is over; call reset() before the next step().")
         putt = check_actions(action, (2,))
-        draws = self.task.disturb([self.np_random]) if self.task.is_noisy else None
-        velocity = self.task.launch(putt[None], draws)
-        outcome = self.task.play(before[None], velocity)
+        draws = self.task.sample_noise([self.np_random]) if self.task.is_noisy else None
+        velocity = self.task.launch_velocity(putt[None], draws)
+        outcome = self.task.simulate(before[None], velocity)
         holed = bool(outcome.holed[0])
         self._position = outcome.position[0]
         self._strokes += 1
@@ -190,11 +197,11 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
     def what_if(self, actions: ArrayLike) -> Outcome:
         """Return what putts (N, 2) from the present state would lead to, without noise and without moving the ball."""
         putts = check_actions(actions, (None, 2))
-        return self.task.play(np.tile(self._ball(), (len(putts), 1)), self.task.launch(putts))
+        return self.task.simulate(np.tile(self._ball(), (len(putts), 1)), self.task.launch_velocity(putts))
 
     def get_state(self) -> dict[str, Any]:
         """Return the episode's state, all that ``set_state`` needs to go on from here: plain values, a copy."""
-        return state_of(self._tasks, self.task, self._ball(), self._strokes, self._over, self.np_random)
+        return encode_state(self._sampler, self.task, self._ball(), self._strokes, self._over, self.np_random)
 
     def set_state(self, state: dict[str, Any]) -> None:
         """Go on from a state that ``get_state`` returned, or one with a "position" of your own (other keys optional).
@@ -202,9 +209,9 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
         Raises:
             ValueError: the ball would not lie in free space within the bounds, or a value is not what it should be.
         """
-        episode = read_state(state, self._tasks, self.task)
+        episode = decode_state(state, self._sampler, self.task)
         if not episode.over:
-            require_lie(episode.task, episode.position)
+            check_positions(episode.task, episode.position)
         if episode.np_random is not None:
             self.np_random.bit_generator.state = episode.np_random
         self.task, self._position, self._strokes, self._over = episode[:4]
@@ -227,8 +234,8 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
             "shot_time": time,
             "bounces": bounces,
             "course": self.task.course.name,
-            **number_of(self._tasks, self.task),
+            **task_index_info(self._sampler, self.task),
         }
 
     def _stage(self) -> Stage:
-        return Stage(self.task.course, self.task.trace)
+        return Stage(self.task.course, self.task.simulate_path)

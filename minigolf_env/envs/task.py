@@ -17,15 +17,15 @@ from gymnasium.spaces import Box, Space
 from numpy.typing import NDArray
 
 from minigolf_env.courses import Course, Cup
-from minigolf_env.envs.hole_params import Holes, Leg
+from minigolf_env.envs.hole_params import HoleParams, RouteSegment
 from minigolf_env.physics import Status, World, WorldBatch
 
 FloatArray = NDArray[np.float64]
 
-MAX_TIME = 30.0
+MAX_PUTT_TIME = 30.0
 """Longest putt, s: several times what a ball on any green rolls."""
 
-OBSERVATION = (
+STATE_FEATURES = (
     "ball x",
     "ball y",
     "ball z",
@@ -41,8 +41,11 @@ OBSERVATION = (
 
 REWARDS = ("strokes", "shaped")
 
-STROKES_TO_FINISH = (1.0, 0.3)
-"""Strokes still needed, as shaping guesses them: one, and 0.3 for each metre along the course."""
+MIN_STROKES_TO_FINISH = 1.0
+"""Strokes still needed next to the cup, as the shaped reward estimates them."""
+
+STROKES_PER_METRE = 0.3
+"""Further strokes still needed for each metre along the course to the cup, as the shaped reward estimates them."""
 
 
 class Result(IntEnum):
@@ -84,16 +87,16 @@ def action_space() -> Space[NDArray[np.float32]]:
 
 def observation_space() -> Space[NDArray[np.float32]]:
     """Return the space of "state" observations (10,)."""
-    return cast(Space[NDArray[np.float32]], Box(-1.0, 1.0, (len(OBSERVATION),), np.float32))
+    return cast(Space[NDArray[np.float32]], Box(-1.0, 1.0, (len(STATE_FEATURES),), np.float32))
 
 
-def columns(array: FloatArray) -> tuple[FloatArray, ...]:
+def components(array: FloatArray) -> tuple[FloatArray, ...]:
     """Return x, y and z (...) of vectors (..., 3), for arithmetic with whole columns: rows of three take ten times."""
     return tuple(array[..., k] for k in range(array.shape[-1]))
 
 
 @dataclass(frozen=True, eq=False)
-class Game:
+class TaskBatch:
     """The rules, for balls that play one hole, or each its own.
 
     Args:
@@ -107,16 +110,16 @@ class Game:
     """
 
     courses: tuple[Course, ...]
-    holes: Holes
+    params: HoleParams
     world: World | WorldBatch
     reward: str
     max_strokes: int
     random_tee: bool
     putt_noise: tuple[float, float]
 
-    def tee_off(self, rngs: Collection[np.random.Generator]) -> FloatArray:
+    def sample_start(self, rngs: Collection[np.random.Generator]) -> FloatArray:
         """Return balls' centres (N, 3), m, in the tee box: in its middle, or anywhere, each by its own stream."""
-        lower, upper = self.holes.tee[..., 0, :], self.holes.tee[..., 1, :]
+        lower, upper = self.params.tee[..., 0, :], self.params.tee[..., 1, :]
         shares = np.full((len(rngs), 3), 0.5)
         if self.random_tee:
             for rng, share in zip(rngs, shares[:, :2], strict=True):
@@ -128,21 +131,21 @@ class Game:
         """Whether putts are disturbed."""
         return any(self.putt_noise)
 
-    def disturb(self, rngs: Collection[np.random.Generator]) -> FloatArray:
+    def sample_noise(self, rngs: Collection[np.random.Generator]) -> FloatArray:
         """Return standard normal numbers (N, 2) to disturb putts with, each from its own stream."""
         draws = np.empty((len(rngs), 2))
         for rng, draw in zip(rngs, draws, strict=True):
             rng.standard_normal(out=draw)
         return draws
 
-    def launch(self, actions: FloatArray, draws: FloatArray | None = None) -> FloatArray:
+    def launch_velocity(self, actions: FloatArray, draws: FloatArray | None = None) -> FloatArray:
         """Return launch velocities (..., 3), m/s, of actions (..., 2).
 
         An action's direction aims, its length (at most 1) is the share of the top speed. ``draws`` (..., 2) are
         standard normal numbers that disturb direction and speed by ``putt_noise``.
         """
         length = np.hypot(actions[..., 0], actions[..., 1])
-        putt = actions * (self.holes.top_speed / np.maximum(length, 1.0))[..., None]
+        putt = actions * (self.params.top_speed / np.maximum(length, 1.0))[..., None]
         if draws is not None:
             turn = draws[..., 0] * math.radians(self.putt_noise[0])
             cos, sin = np.cos(turn), np.sin(turn)
@@ -151,9 +154,9 @@ class Game:
             putt = putt * np.maximum(0.0, 1.0 + draws[..., 1] * self.putt_noise[1])[..., None]
         return np.concatenate([putt, np.zeros_like(putt[..., :1])], axis=-1)
 
-    def play(self, positions: FloatArray, velocities: FloatArray) -> Outcome:
+    def simulate(self, positions: FloatArray, velocities: FloatArray) -> Outcome:
         """Return what becomes of balls at positions (N, 3) launched with velocities (N, 3)."""
-        shot = self.world.simulate_batch(positions, velocities, MAX_TIME)
+        shot = self.world.simulate_batch(positions, velocities, MAX_PUTT_TIME)
         holed = self.is_holed(shot.position, shot.velocity)
         result = np.where(holed, np.int8(Result.HOLED), shot.status)
         # A ball that left the course, or never came to rest, goes back: the stroke counts.
@@ -166,39 +169,40 @@ class Game:
 
         To leave, a ball must pass over the rim's edge, its centre one radius above it.
         """
-        (x, y, z), (u, v, w) = columns(positions), columns(velocities)
-        cup_x, cup_y, rim = columns(self.holes.cup)
-        inside = np.hypot(x - cup_x, y - cup_y) < self.holes.cup_radius
-        climb = (u * u + v * v + w * w) / (2.0 * self.holes.gravity)
-        return np.asarray(inside & (z < rim) & (z + climb < rim + self.holes.ball_radius))
+        (x, y, z), (u, v, w) = components(positions), components(velocities)
+        cup_x, cup_y, rim = components(self.params.cup)
+        inside = np.hypot(x - cup_x, y - cup_y) < self.params.cup_radius
+        climb = (u * u + v * v + w * w) / (2.0 * self.params.gravity)
+        return np.asarray(inside & (z < rim) & (z + climb < rim + self.params.ball_radius))
 
-    def distance(self, positions: FloatArray) -> FloatArray:
+    def distance_to_cup(self, positions: FloatArray) -> FloatArray:
         """Return the distance along the course from positions (..., 3) to the cup, m.
 
         Straight to the end of the nearest leg of the course's route, and on along the route.
         """
-        x, y, _ = columns(positions)
+        x, y, _ = components(positions)
         nearest, distance = np.asarray(np.inf), np.asarray(0.0)
-        for leg in self._legs:
-            dx, dy = x - leg.start[0], y - leg.start[1]
-            share = np.minimum(np.maximum((dx * leg.way[0] + dy * leg.way[1]) / leg.square, 0.0), 1.0)
-            dx, dy = dx - share * leg.way[0], dy - share * leg.way[1]
+        for segment in self._route_segments:
+            dx, dy = x - segment.start[0], y - segment.start[1]
+            share = (dx * segment.vector[0] + dy * segment.vector[1]) / segment.length_sq
+            share = np.minimum(np.maximum(share, 0.0), 1.0)
+            dx, dy = dx - share * segment.vector[0], dy - share * segment.vector[1]
             away = dx * dx + dy * dy
-            left = np.hypot(leg.end[0] - x, leg.end[1] - y) + leg.after
+            left = np.hypot(segment.end[0] - x, segment.end[1] - y) + segment.remaining
             nearest, distance = np.minimum(nearest, away), np.where(away < nearest, left, distance)
         return distance
 
     @cached_property
-    def _legs(self) -> list[Leg]:
-        return self.holes.legs()
+    def _route_segments(self) -> list[RouteSegment]:
+        return self.params.route_segments()
 
     def observe(self, positions: FloatArray, strokes: NDArray[np.int64]) -> NDArray[np.float32]:
         """Return observations (..., 10) of balls at positions (..., 3) after a number of strokes (...)."""
-        ball, lower, upper = columns(positions), *(columns(self.holes.bounds[..., k, :]) for k in (0, 1))
+        ball, lower, upper = components(positions), *(components(self.params.bounds[..., k, :]) for k in (0, 1))
         sides = [high - low for high, low in zip(upper, lower, strict=True)]
         reach = np.sqrt(sides[0] * sides[0] + sides[1] * sides[1])
         place = [2.0 * (p - low) / side - 1.0 for p, low, side in zip(ball, lower, sides, strict=True)]
-        to_cup = [c - p for c, p in zip(columns(self.holes.cup), ball, strict=True)]
+        to_cup = [c - p for c, p in zip(components(self.params.cup), ball, strict=True)]
         away = np.hypot(to_cup[0], to_cup[1])
         root = np.sqrt(away / reach)
         straight = [root * way / np.maximum(away, 1e-9) for way in to_cup[:2]]
@@ -213,8 +217,7 @@ class Game:
         """
         if self.reward == "strokes":
             return np.zeros(positions.shape[:-1])
-        putt, metre = STROKES_TO_FINISH
-        return -(putt + metre * self.distance(positions))
+        return -(MIN_STROKES_TO_FINISH + STROKES_PER_METRE * self.distance_to_cup(positions))
 
     def rewards(self, before: FloatArray, after: FloatArray, ended: NDArray[np.bool_]) -> FloatArray:
         """Return the rewards (...) of strokes between places of the potentials ``before`` and ``after`` (...).
@@ -226,15 +229,15 @@ class Game:
 
 
 @dataclass(frozen=True, eq=False)
-class Task(Game):
+class Task(TaskBatch):
     """One course with its rules.
 
     Args:
-        level: the number of a procedural course, or of a hole of a round; None: it has none.
+        index: the number of a procedural course, or of a hole of a round; None: it has none.
     """
 
     world: World
-    level: int | None = None
+    index: int | None = None
 
     @property
     def course(self) -> Course:
@@ -244,28 +247,28 @@ class Task(Game):
     @property
     def cup(self) -> Cup:
         """The cup."""
-        assert self.course.cup is not None  # noqa: S101 (Holes.of has refused such a course)
+        assert self.course.cup is not None  # noqa: S101 (HoleParams.from_course has refused such a course)
         return self.course.cup
 
     @property
     def top_speed(self) -> float:
         """Launch speed of a full putt, m/s."""
-        return float(self.holes.top_speed)
+        return float(self.params.top_speed)
 
-    def trace(self, position: FloatArray, velocity: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def simulate_path(self, position: FloatArray, velocity: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the path (T, 3), m, that a ball takes from a position and velocity (3,), and its times (T,), s."""
-        shot = self.world.simulate(position, velocity, MAX_TIME, record=True)
+        shot = self.world.simulate(position, velocity, MAX_PUTT_TIME, record=True)
         return np.asarray(shot.path), np.asarray(shot.times)
 
 
-def together(tasks: Sequence[Task]) -> Game:
+def stack_tasks(tasks: Sequence[Task]) -> TaskBatch:
     """Return N tasks of the same rules as one game in which ball i plays task i: one task if they are all the same."""
     first = tasks[0]
     if all(task is first for task in tasks):
         return first
-    return Game(
+    return TaskBatch(
         courses=tuple(task.course for task in tasks),
-        holes=Holes.together([task.holes for task in tasks]),
+        params=HoleParams.stack([task.params for task in tasks]),
         world=WorldBatch([task.world for task in tasks]),
         reward=first.reward,
         max_strokes=first.max_strokes,
@@ -274,7 +277,7 @@ def together(tasks: Sequence[Task]) -> Game:
     )
 
 
-def of_rows(game: Game, rows: NDArray[np.int64]) -> Game:
+def take(game: TaskBatch, rows: NDArray[np.int64]) -> TaskBatch:
     """Return the game of some of the balls, each as often as it is among the rows."""
     if not isinstance(game.world, WorldBatch):
         return game
@@ -282,6 +285,6 @@ def of_rows(game: Game, rows: NDArray[np.int64]) -> Game:
     return replace(
         game,
         courses=tuple(game.courses[i] for i in rows),
-        holes=game.holes.of_rows(rows),
+        params=game.params.take(rows),
         world=WorldBatch([worlds[i] for i in rows]),
     )

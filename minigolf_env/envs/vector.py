@@ -16,16 +16,16 @@ from minigolf_env._validation import integer
 from minigolf_env.courses import Course
 from minigolf_env.envs.attributes import Attributes, Observations
 from minigolf_env.envs.config import (
-    Options,
+    EnvOptions,
+    build_env_config,
     check_actions,
     check_autoreset,
     check_mask,
     check_options,
-    make_setup,
     one_each,
 )
-from minigolf_env.envs.episode_state import check_lies, naming_state, read_state, state_of
-from minigolf_env.envs.task import FloatArray, Game, Outcome, Result, Task, action_space, of_rows, together
+from minigolf_env.envs.episode_state import check_episode_positions, decode_state, encode_state, error_context
+from minigolf_env.envs.task import FloatArray, Outcome, Result, Task, TaskBatch, action_space, stack_tasks, take
 from minigolf_env.rendering import FPS, Screen, Stage
 
 Flags = NDArray[np.bool_]
@@ -77,10 +77,10 @@ class MiniGolfVectorEnv(Attributes):
         render_mode: str | None = None,
         *,
         autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
-        **options: Unpack[Options],
+        **options: Unpack[EnvOptions],
     ) -> None:
         num_envs = integer(num_envs, "num_envs", 1)
-        self._tasks, self._observer, settings = make_setup(
+        self._sampler, self._observer, settings = build_env_config(
             course, self.metadata["render_modes"], render_mode, **options
         )
         self.render_mode = render_mode
@@ -88,16 +88,16 @@ class MiniGolfVectorEnv(Attributes):
         self.autoreset_mode = check_autoreset(autoreset_mode)
         self.metadata = {**self.metadata, "autoreset_mode": self.autoreset_mode}
         shown = num_envs if render_mode is not None else 0
-        first = self._tasks.first()
-        self.screens = tuple(Screen(Stage(first.course, first.trace), settings) for _ in range(shown))
+        first = self._sampler.default()
+        self.screens = tuple(Screen(Stage(first.course, first.simulate_path), settings) for _ in range(shown))
         self.single_action_space, self.single_observation_space = action_space(), self._observer.space()
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self._rngs: NDArray[np.object_] = np.empty(0, dtype=object)
         self._all: Rows = np.arange(num_envs)
-        self._holes = np.full(num_envs, first, dtype=object)
-        self._courses = np.full(num_envs, first.course.name, dtype=object)
-        self.game: Game = first
+        self._tasks = np.full(num_envs, first, dtype=object)
+        self._course_names = np.full(num_envs, first.course.name, dtype=object)
+        self.task_batch: TaskBatch = first
         self._positions = np.empty((num_envs, 3))
         self._potentials = np.empty(num_envs)
         self._strokes = np.zeros(num_envs, np.int64)
@@ -110,15 +110,15 @@ class MiniGolfVectorEnv(Attributes):
 
         ``options["level"]`` is the number of the level that all play, or N numbers; of a round, ``options["hole"]``.
         """
-        key = self._tasks.key
+        key = self._sampler.index_name
         given = check_options(options, key, "reset_mask")
         rows = check_mask(given.get("reset_mask"), self.num_envs)
-        holes = self._chosen(given.get(key), rows)
+        holes = self._select_tasks(given.get(key), rows)
         if len(self._rngs) == 0 and len(rows) < self.num_envs:
             raise ResetNeeded("Reset all environments before some of them.")
         for i in self._seed(seed, rows):
-            holes[i] = holes.get(i) or self._tasks.draw(self._rngs[i], None)
-        self._begin(rows, holes)
+            holes[i] = holes.get(i) or self._sampler.sample(self._rngs[i], None)
+        self._start_episodes(rows, holes)
         return self._observe(ALL), self._info(self._no_strokes())
 
     def step(self, actions: ArrayLike) -> tuple[Observations, FloatArray, Flags, Flags, dict[str, Any]]:
@@ -129,9 +129,9 @@ class MiniGolfVectorEnv(Attributes):
         if self.autoreset_mode == AutoresetMode.DISABLED and len(idle):
             raise ResetNeeded(f"Episodes {idle.tolist()} are over; reset them with options={{'reset_mask': ...}}.")
         rows = np.flatnonzero(~self._over) if len(idle) else ALL
-        game, before = self._game_of(rows), self._positions[rows].copy()
-        velocities = game.launch(putts[rows], game.disturb(self._rngs[rows]) if game.is_noisy else None)
-        outcome = game.play(before, velocities)
+        game, before = self._subset(rows), self._positions[rows].copy()
+        velocities = game.launch_velocity(putts[rows], game.sample_noise(self._rngs[rows]) if game.is_noisy else None)
+        outcome = game.simulate(before, velocities)
         self._positions[rows] = outcome.position
         self._strokes[rows] += 1
         for i, *putt in zip(self._all[rows], before, velocities, outcome.position, strict=True) if self.screens else ():
@@ -145,10 +145,10 @@ class MiniGolfVectorEnv(Attributes):
         for field, value in zip(last, outcome[1:], strict=True):
             field[rows] = value
         self._over[rows] = over
-        self._begin(idle, {})
+        self._start_episodes(idle, {})
         observations, info = self._observe(ALL), self._info(last)
         if self.autoreset_mode == AutoresetMode.SAME_STEP and over.any():
-            observations, info = self._restart(terminated, observations, info, last)
+            observations, info = self._autoreset(terminated, observations, info, last)
         return observations, rewards, terminated, np.zeros(self.num_envs, np.bool_), info
 
     def render(self) -> tuple[Any, ...] | None:
@@ -175,16 +175,16 @@ class MiniGolfVectorEnv(Attributes):
         putts = check_actions(actions, (*each, None, 2))
         putts = np.broadcast_to(putts, (self.num_envs, *putts.shape[-2:]))
         rows = np.repeat(self._all, putts.shape[1])
-        game = of_rows(self.game, rows)
-        outcome = game.play(self._positions[rows], game.launch(putts.reshape(-1, 2)))
+        game = take(self.task_batch, rows)
+        outcome = game.simulate(self._positions[rows], game.launch_velocity(putts.reshape(-1, 2)))
         return outcome.reshape(*putts.shape[:2])
 
     def get_state(self) -> list[dict[str, Any]]:
         """Return the states of the N episodes, each as MiniGolfEnv.get_state returns it: it fits one there, too."""
         self._require_balls()
         strokes, over = self._strokes.tolist(), self._over.tolist()
-        episodes = zip(self._holes, self._positions, strokes, over, self._rngs, strict=True)
-        return [state_of(self._tasks, *episode) for episode in episodes]
+        episodes = zip(self._tasks, self._positions, strokes, over, self._rngs, strict=True)
+        return [encode_state(self._sampler, *episode) for episode in episodes]
 
     def set_state(self, states: Sequence[dict[str, Any]]) -> None:
         """Go on from N states of single environments, or of a batch; what MiniGolfEnv.set_state takes is taken here.
@@ -195,22 +195,22 @@ class MiniGolfVectorEnv(Attributes):
         """
         episodes = []
         for i, state in enumerate(one_each(states, self.num_envs, "states")):
-            with naming_state(i):
-                episodes.append(read_state(state, self._tasks, self._holes[i]))
+            with error_context(i):
+                episodes.append(decode_state(state, self._sampler, self._tasks[i]))
                 if episodes[i].over and self.autoreset_mode == AutoresetMode.SAME_STEP:
                     raise ValueError("over: expected an episode that goes on, as autoreset 'SameStep' has them all.")
-        check_lies(episodes)
+        check_episode_positions(episodes)
         if len(self._rngs) == 0:
             self._seed(None, self._all)
         holes, positions, self._strokes[:], self._over[:], randoms = zip(*episodes, strict=True)
         self._positions[:] = positions
-        self._enter(self._all, holes)
+        self._assign_tasks(self._all, holes)
         for rng, random in zip(self._rngs, randoms, strict=True):
             if random is not None:
                 rng.bit_generator.state = random
-        self._put(self._all)
+        self._place_balls(self._all)
 
-    def _restart(
+    def _autoreset(
         self, ended: Flags, observations: Observations, info: dict[str, Any], last: tuple[NDArray[Any], ...]
     ) -> tuple[Observations, dict[str, Any]]:
         """Begin new episodes where one ended; return observations and info, with the old ones' end in it."""
@@ -219,7 +219,7 @@ class MiniGolfVectorEnv(Attributes):
         for i in rows.tolist():
             final_obs[i] = observations[i]
         final_info = {key: ended.copy() if key.startswith("_") else value for key, value in info.items()}
-        self._begin(rows, {}, keep_last=True)
+        self._start_episodes(rows, {}, keep_last=True)
         observations = observations.copy()
         observations[rows] = self._observe(rows)
         for field, value in zip(last, (TEE, 0.0, 0), strict=True):
@@ -242,47 +242,48 @@ class MiniGolfVectorEnv(Attributes):
         self._rngs = rngs
         return seeded
 
-    def _chosen(self, level: Any, rows: Rows) -> dict[int, Task]:
+    def _select_tasks(self, level: Any, rows: Rows) -> dict[int, Task]:
         """Return the holes of chosen levels, by environment; none where no level is."""
         if level is None:
             return {}
-        levels = [level] * self.num_envs if np.ndim(level) == 0 else one_each(level, self.num_envs, self._tasks.key)
-        return {i: self._tasks.level(levels[i]) for i in rows.tolist()}
+        name = self._sampler.index_name
+        levels = [level] * self.num_envs if np.ndim(level) == 0 else one_each(level, self.num_envs, name)
+        return {i: self._sampler.get(levels[i]) for i in rows.tolist()}
 
-    def _begin(self, rows: Rows, holes: dict[int, Task], keep_last: bool = False) -> None:
+    def _start_episodes(self, rows: Rows, holes: dict[int, Task], keep_last: bool = False) -> None:
         """Begin episodes in some environments, each on its hole of ``holes``, or on one that is drawn."""
         if len(rows) == 0:
             return
         rngs = self._rngs[rows]
-        if self._tasks.has_levels:
-            draw, last = self._tasks.draw, self._holes
+        if self._sampler.is_indexed:
+            draw, last = self._sampler.sample, self._tasks
             chosen = (holes.get(i) or draw(rng, last[i]) for i, rng in zip(rows.tolist(), rngs, strict=True))
-            self._enter(rows, list(chosen))
-        self._positions[rows] = self._game_of(rows).tee_off(rngs)
+            self._assign_tasks(rows, list(chosen))
+        self._positions[rows] = self._subset(rows).sample_start(rngs)
         self._strokes[rows], self._over[rows] = 0, False
-        self._put(rows, keep_last)
+        self._place_balls(rows, keep_last)
 
-    def _enter(self, rows: Rows, holes: Sequence[Task]) -> None:
+    def _assign_tasks(self, rows: Rows, holes: Sequence[Task]) -> None:
         """Let some environments play on these holes."""
-        if self._tasks.has_levels:
-            self._holes[rows] = holes
-            self._courses[rows] = [hole.course.name for hole in holes]
-            self.game = together(self._holes.tolist())
+        if self._sampler.is_indexed:
+            self._tasks[rows] = holes
+            self._course_names[rows] = [hole.course.name for hole in holes]
+            self.task_batch = stack_tasks(self._tasks.tolist())
 
-    def _game_of(self, rows: Rows | slice) -> Game:
+    def _subset(self, rows: Rows | slice) -> TaskBatch:
         if isinstance(rows, slice) or len(rows) == self.num_envs:
-            return self.game
-        return of_rows(self.game, rows)
+            return self.task_batch
+        return take(self.task_batch, rows)
 
-    def _put(self, rows: Rows, keep_last: bool = False) -> None:
+    def _place_balls(self, rows: Rows, keep_last: bool = False) -> None:
         """Take in that the balls of some environments were put where they lie now."""
-        self._potentials[rows] = self._game_of(rows).potential(self._positions[rows])
+        self._potentials[rows] = self._subset(rows).potential(self._positions[rows])
         for i in rows.tolist() if self.screens else ():
-            hole = self._holes[i]
-            self.screens[i].put(self._positions[i].copy(), Stage(hole.course, hole.trace), keep_last)
+            hole = self._tasks[i]
+            self.screens[i].put(self._positions[i].copy(), Stage(hole.course, hole.simulate_path), keep_last)
 
     def _observe(self, rows: Rows | slice) -> Observations:
-        return self._observer.observe(self._game_of(rows), self._positions[rows], self._strokes[rows])
+        return self._observer.observe(self._subset(rows), self._positions[rows], self._strokes[rows])
 
     def _no_strokes(self) -> tuple[NDArray[Any], ...]:
         """Return result, time and bounces (N,) of environments in which no stroke was played."""
@@ -301,8 +302,8 @@ class MiniGolfVectorEnv(Attributes):
             "status": STATUS[result],
             "shot_time": time.copy(),
             "bounces": bounces.copy(),
-            "course": self._courses.copy(),
+            "course": self._course_names.copy(),
         }
-        if self._tasks.has_levels:
-            info[self._tasks.key] = np.array([hole.level for hole in self._holes], dtype=np.int64)
+        if self._sampler.is_indexed:
+            info[self._sampler.index_name] = np.array([hole.index for hole in self._tasks], dtype=np.int64)
         return info | {f"_{key}": np.ones(self.num_envs, np.bool_) for key in info}

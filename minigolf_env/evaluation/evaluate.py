@@ -12,8 +12,8 @@ from tqdm import tqdm
 
 from minigolf_env._validation import one_of
 from minigolf_env.courses.procedural import DIFFICULTIES, PROCEDURAL
-from minigolf_env.envs import MiniGolfEnv, MiniGolfVectorEnv, in_turn
-from minigolf_env.envs.samplers import Levels
+from minigolf_env.envs import MiniGolfEnv, MiniGolfVectorEnv, round_reset_options
+from minigolf_env.envs.samplers import LevelSampler
 from minigolf_env.evaluation.rollout import EpisodeResult, run_episode, run_episodes_batched
 from minigolf_env.evaluation.statistics import Interval, mean_interval, wilson_interval
 from minigolf_env.players.policies import BatchPolicy, Policy
@@ -145,7 +145,9 @@ class _EpisodeStart(NamedTuple):
     def of(course: str, first_seed: int, episode: int) -> _EpisodeStart:
         """Return the start of an episode, counted from 0."""
         seed = first_seed + episode
-        return _EpisodeStart(seed, {Levels.key: seed} if course == PROCEDURAL else in_turn(course, episode))
+        if course == PROCEDURAL:
+            return _EpisodeStart(seed, {LevelSampler.index_name: seed})
+        return _EpisodeStart(seed, round_reset_options(course, episode))
 
 
 def _run_batches(

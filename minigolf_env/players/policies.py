@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from minigolf_env._validation import one_of
 from minigolf_env.envs import MiniGolfEnv
-from minigolf_env.envs.observations import OBSERVERS
+from minigolf_env.envs.observations import OBSERVATIONS
 from minigolf_env.players.network import read_network
 from minigolf_env.players.putt_features import NUMBERS, best
 from minigolf_env.players.search import search
@@ -98,7 +98,7 @@ class ModelPolicy:
         self.network = read_network(path)
         if self.network.judges and self.network.inputs != NUMBERS:
             raise ValueError(f"model: expected a judge of {NUMBERS} numbers, received one of {self.network.inputs}.")
-        self.observation = "echoes" if self.network.judges else _kind((self.network.inputs,))
+        self.observation = "bounce_rays" if self.network.judges else _kind((self.network.inputs,))
         self.sha256 = _sha256(Path(path))
         """Of the file."""
 
@@ -123,7 +123,7 @@ class SB3Policy:
     """
 
     def __init__(self, model: Any, observation: str) -> None:
-        self.observation = one_of(observation, tuple(OBSERVERS), "observation")
+        self.observation = one_of(observation, tuple(OBSERVATIONS), "observation")
         self._model = model
 
     def act(self, observation: NDArray[Any], env: MiniGolfEnv) -> Action:
@@ -170,7 +170,7 @@ def _sha256(path: Path) -> str:
 
 def _kind(shape: tuple[int, ...]) -> str:
     """Return which kind of observation has a shape."""
-    shapes = {name: observer.space().shape for name, observer in OBSERVERS.items()}
+    shapes = {name: observer.space().shape for name, observer in OBSERVATIONS.items()}
     if shape not in shapes.values():
         raise ValueError(f"model: expected one that sees an observation of {shapes}, received one that sees {shape}.")
     return next(name for name, known in shapes.items() if known == shape)

@@ -1,4 +1,4 @@
-"""What a ball that sees "echoes" can foresee of a putt, and which putt looks best.
+"""What a ball that sees "bounce_rays" can foresee of a putt, and which putt looks best.
 
 A putt's line is followed off the walls that the ray beside it met as light is off mirrors, which is how balls come off
 wooden borders. Each leg of the line tells how far it passes the cup, how it climbs, and what roll the putt has left
@@ -19,9 +19,14 @@ from numpy.typing import NDArray
 
 from minigolf_env.courses.procedural.build import TOP_SPEED, WOOD
 from minigolf_env.courses.procedural.features import ROLLING
-from minigolf_env.envs.observations.bounce_rays import ECHO, ECHOES, FAR, LEGS
-from minigolf_env.envs.observations.rays import AWAY, CUP, GROUND
-from minigolf_env.envs.task import OBSERVATION
+from minigolf_env.envs.observations.bounce_rays import (
+    FEATURES_PER_SEGMENT,
+    MAX_BOUNCE_RAY_LENGTH,
+    NUM_BOUNCE_RAYS,
+    NUM_SEGMENTS,
+)
+from minigolf_env.envs.observations.rays import CUP_DISTANCE_SCALE, NUM_CUP_FEATURES, NUM_GROUND_FEATURES
+from minigolf_env.envs.task import STATE_FEATURES
 
 Array = NDArray[np.float32]
 
@@ -37,25 +42,25 @@ PARALLEL, LEVEL = 0.97, 0.04
 FURTHEST = 12.0
 """How long a leg may be, m: a line that all but misses a wall of the ray beside it does not meet it."""
 
-NUMBERS = 20 + 14 * LEGS
+NUMBERS = 20 + 14 * NUM_SEGMENTS
 """Of a sight."""
 
 MIRROR = np.ones(NUMBERS, np.float32)
 """What a sight is times, where left and right are exchanged: -1 for the numbers that say how far to the left."""
-MIRROR[[1, 5, *range(9, 13), *(13 + 11 * leg + k for leg in range(LEGS) for k in (0, 1, 2, 8))]] = -1.0
+MIRROR[[1, 5, *range(9, 13), *(13 + 11 * leg + k for leg in range(NUM_SEGMENTS) for k in (0, 1, 2, 8))]] = -1.0
 
 ASTRAY = 8.0
 """How far along a leg whose wall is not sure the cup is looked for, m."""
 
-UNITS = np.array([FAR, FAR, 1.0, 1.0, 1.0, 1.0], np.float32)
+UNITS = np.array([MAX_BOUNCE_RAY_LENGTH, MAX_BOUNCE_RAY_LENGTH, 1.0, 1.0, 1.0, 1.0], np.float32)
 """Of an echo's numbers, m."""
 
-STROKES = OBSERVATION.index("strokes left")
-DEPTH = len(OBSERVATION)
+STROKES = STATE_FEATURES.index("strokes left")
+DEPTH = len(STATE_FEATURES)
 SLOPE = DEPTH + 1
-STRAIGHT = DEPTH + GROUND
+STRAIGHT = DEPTH + NUM_GROUND_FEATURES
 HEIGHT = STRAIGHT + 2
-ECHOED = STRAIGHT + CUP
+ECHOED = STRAIGHT + NUM_CUP_FEATURES
 
 
 class Leg(NamedTuple):
@@ -80,11 +85,13 @@ class Leg(NamedTuple):
 def cup(observations: Array) -> Array:
     """Return where the cup is, (N, 2), from the ball."""
     straight = observations[:, STRAIGHT : STRAIGHT + 2]
-    return np.asarray(AWAY * np.hypot(straight[:, 0], straight[:, 1])[:, None] * straight)
+    return np.asarray(CUP_DISTANCE_SCALE * np.hypot(straight[:, 0], straight[:, 1])[:, None] * straight)
 
 
 def lines(echoes: Array, directions: Array) -> list[Leg]:
-    """Return the LEGS legs of lines in directions (N, D), off the walls that echoes (N, R, LEGS, ECHO) met.
+    """Return the NUM_SEGMENTS legs of lines in directions (N, D), off the walls that bounce rays met.
+
+    The rays have the shape (N, R, NUM_SEGMENTS, FEATURES_PER_SEGMENT).
 
     A line is followed off the walls of the ray beside it: where it meets the same ones it is exact.
     """
@@ -122,13 +129,13 @@ def foresee(observations: NDArray[Any], directions: NDArray[Any], rolls: NDArray
     """Return the sights (N, D, S, NUMBERS), of about [-1, 1], of putts.
 
     Args:
-        observations: "echoes", (N, 2320).
+        observations: "bounce_rays", (N, 2320).
         directions: (N, D).
         rolls: (N, D, S).
     """
     seen, directions = np.asarray(observations, dtype=np.float32), np.asarray(directions, dtype=np.float32)
     roll = np.asarray(rolls, dtype=np.float32)
-    echoes = seen[:, ECHOED:].reshape(len(seen), ECHOES, LEGS, ECHO) * UNITS
+    echoes = seen[:, ECHOED:].reshape(len(seen), NUM_BOUNCE_RAYS, NUM_SEGMENTS, FEATURES_PER_SEGMENT) * UNITS
     legs, height = lines(echoes, directions), np.zeros(directions.shape, np.float32)
     first, goal = legs[0].way, cup(seen)[:, None]
     away = np.hypot(goal[..., 0], goal[..., 1])
@@ -244,7 +251,7 @@ def best(
     """Return the putts of the least cost: of a grid, then of ever finer grids around the best of all so far.
 
     Args:
-        observations: "echoes", (N, 2320), N >= 1.
+        observations: "bounce_rays", (N, 2320), N >= 1.
         cost: of sights (..., NUMBERS), returned as (...).
         effort: how closely to look.
         rng: draws the first putts; None: they are a regular grid, which has the direction of the cup.

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from minigolf_env.envs import MiniGolfEnv, Task
 from minigolf_env.envs.config import check_noise
-from minigolf_env.envs.task import STROKES_TO_FINISH, FloatArray
+from minigolf_env.envs.task import MIN_STROKES_TO_FINISH, STROKES_PER_METRE, FloatArray
 
 IntArray = NDArray[np.int64]
 
@@ -149,8 +149,8 @@ def _try(task: Task, places: FloatArray, effort: Effort) -> _Putts:
 
 def _play(task: Task, places: FloatArray, start: IntArray, polar: FloatArray) -> _Putts:
     """Play putts (N, 2), rounded to float32 as actions are, from the rows ``start`` (N,) of places (S, 3)."""
-    outcome = task.play(places[start], task.launch(_actions(polar).astype(np.float64)))
-    left = np.where(outcome.holed, 0.0, task.distance(outcome.position))
+    outcome = task.simulate(places[start], task.launch_velocity(_actions(polar).astype(np.float64)))
+    left = np.where(outcome.holed, 0.0, task.distance_to_cup(outcome.position))
     return _Putts(start, polar, outcome.position, left)
 
 
@@ -189,16 +189,15 @@ def _steady(task: Task, start: FloatArray, putts: _Putts, tried: int) -> Plan:
 def _expected(task: Task, start: FloatArray, polar: FloatArray, draws: FloatArray) -> FloatArray:
     """Return the expected scores (N,) of putts (N, 2), each disturbed by the same draws (K, 2)."""
     actions = np.repeat(_actions(polar).astype(np.float64), len(draws), axis=0)
-    velocities = task.launch(actions, np.tile(draws, (len(polar), 1)))
-    outcome = task.play(np.repeat(start, len(actions), axis=0), velocities)
-    left = np.where(outcome.holed, 0.0, task.distance(outcome.position))
+    velocities = task.launch_velocity(actions, np.tile(draws, (len(polar), 1)))
+    outcome = task.simulate(np.repeat(start, len(actions), axis=0), velocities)
+    left = np.where(outcome.holed, 0.0, task.distance_to_cup(outcome.position))
     return np.asarray(1.0 + _strokes_left(left).reshape(len(polar), -1).mean(axis=1))
 
 
 def _strokes_left(left: FloatArray) -> FloatArray:
     """Return the strokes that it takes from distances along the course, m, as shaping guesses them; none from 0."""
-    putt, metre = STROKES_TO_FINISH
-    return np.where(left <= 0.0, 0.0, putt + metre * left)
+    return np.where(left <= 0.0, 0.0, MIN_STROKES_TO_FINISH + STROKES_PER_METRE * left)
 
 
 def _grid(directions: FloatArray, speeds: FloatArray) -> FloatArray:

@@ -104,4 +104,4 @@ def test_a_generalist_ships(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     assert card["command"] == "python -m agents.train_generalist --seed 7"
     assert [score["difficulty"] for score in card["scores"]] == ["easy", "easy", "medium", "medium"]
     policy = load_policy("generalist")
-    assert isinstance(policy, ModelPolicy) and policy.observation == "echoes" and policy.sha256 == card["sha256"]
+    assert isinstance(policy, ModelPolicy) and policy.observation == "bounce_rays" and policy.sha256 == card["sha256"]

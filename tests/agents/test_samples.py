@@ -68,7 +68,7 @@ def test_the_generalist_runs(tmp_path: Path) -> None:
         ("generalist", "medium"),
     ]
     policy = ModelPolicy(folder / "best.npz")
-    assert policy.observation == "echoes" and policy.network.judges and policy.network.inputs == NUMBERS
+    assert policy.observation == "bounce_rays" and policy.network.judges and policy.network.inputs == NUMBERS
     score = evaluate(policy, "generalist", "procedural", difficulty="easy", episodes=2, quiet=True)
     assert dataclasses.replace(score, sha256=None) == dataclasses.replace(scores[1], sha256=None)
     with pytest.raises(SystemExit, match="of another"):
@@ -122,7 +122,7 @@ def test_a_judge_learns_which_putts_hole_out(tmp_path: Path) -> None:
     ("wrong", "message"),
     [
         ({"reward": "strokes"}, "shaped"),
-        ({"observation": "rays"}, "echoes"),
+        ({"observation": "rays"}, "bounce_rays"),
         ({"difficulties": ("soft",)}, "difficulty"),
         ({"difficulty": "hard"}, "--difficulties"),
     ],

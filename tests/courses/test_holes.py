@@ -100,9 +100,9 @@ def test_every_lie_is_playable(name: str) -> None:
     first = env.what_if(actions)
     places = first.position[(first.result == Result.REST)][:30]
     world, task = env.task.world, env.task
-    velocities = task.launch(putts(24, 1.0, rng)[:, :2])
+    velocities = task.launch_velocity(putts(24, 1.0, rng)[:, :2])
     starts = np.repeat(places, len(velocities), axis=0)
-    then = task.play(starts, np.tile(velocities, (len(places), 1)))
+    then = task.simulate(starts, np.tile(velocities, (len(places), 1)))
     away = np.linalg.norm(then.position - starts, axis=1).reshape(len(places), -1)
     gone = np.isin(then.result, [Result.HOLED, Result.OUT_OF_BOUNDS]).reshape(len(places), -1)
     assert len(places) == 30 and ((away > 10.0 * world.ball_radius) | gone).any(axis=1).all()

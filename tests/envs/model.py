@@ -92,10 +92,10 @@ class Model:
         elif self.rules.course == "procedural":
             drawn = self.rules.start_level + int(self.rng.integers(self.rules.num_levels)) if hole is None else hole
             self.hole = drawn
-        self.position = self.tee_off() if position is None else position
+        self.position = self.sample_start() if position is None else position
         self.strokes, self.over, self.last = 0, False, ("tee", 0.0, 0)
 
-    def tee_off(self) -> tuple[float, ...]:
+    def sample_start(self) -> tuple[float, ...]:
         """Return where the ball lies, by the stream of random numbers."""
         assert self.rng is not None
         tee = self.scene[0].tee

@@ -9,37 +9,45 @@ import pytest
 from numpy.typing import NDArray
 
 from minigolf_env.envs import MiniGolfEnv
-from minigolf_env.envs.observations.bounce_rays import APART, ECHO, ECHOES, FAR, LEGS, STEP
-from minigolf_env.envs.observations.rays import RAYS, REACH
+from minigolf_env.envs.observations.bounce_rays import (
+    FEATURES_PER_SEGMENT,
+    HIT_STANDOFF,
+    MAX_BOUNCE_RAY_LENGTH,
+    NUM_BOUNCE_RAYS,
+    NUM_SEGMENTS,
+    RAY_STEP_LENGTH,
+)
+from minigolf_env.envs.observations.rays import MAX_RAY_LENGTH, NUM_RAYS
 
 BALL = 0.02135
 
 
 def legs_of(env: MiniGolfEnv, **options: Any) -> NDArray[np.float64]:
     """Return the legs (ECHOES, LEGS, ECHO), m, that a ball feels."""
-    seen = env.reset(seed=0, options=options)[0][16:].astype(np.float64).reshape(ECHOES, LEGS, ECHO)
-    seen[..., :2] *= FAR
+    seen = env.reset(seed=0, options=options)[0][16:].astype(np.float64)
+    seen = seen.reshape(NUM_BOUNCE_RAYS, NUM_SEGMENTS, FEATURES_PER_SEGMENT)
+    seen[..., :2] *= MAX_BOUNCE_RAY_LENGTH
     return np.asarray(seen)
 
 
 @pytest.mark.parametrize("position", [(0.5, 0.4, BALL), (2.9, 1.7, BALL)], ids=str)
 def test_the_first_leg_is_a_ray(position: tuple[float, float, float]) -> None:
     """On level felt it is as long, less what a ray keeps apart from walls."""
-    rays = MiniGolfEnv(observation="rays").reset(options={"position": position})[0][10 : 10 + RAYS] * REACH
-    first = legs_of(MiniGolfEnv(observation="echoes"), position=position)[:: ECHOES // RAYS, 0]
-    near = rays < 0.999 * REACH
-    np.testing.assert_allclose(np.hypot(*first[near, :2].T), rays[near] - APART, atol=1e-5)
+    rays = MiniGolfEnv(observation="rays").reset(options={"position": position})[0][10 : 10 + NUM_RAYS] * MAX_RAY_LENGTH
+    first = legs_of(MiniGolfEnv(observation="bounce_rays"), position=position)[:: NUM_BOUNCE_RAYS // NUM_RAYS, 0]
+    near = rays < 0.999 * MAX_RAY_LENGTH
+    np.testing.assert_allclose(np.hypot(*first[near, :2].T), rays[near] - HIT_STANDOFF, atol=1e-5)
 
 
 def test_echoes_go_off_walls_as_off_mirrors() -> None:
     """Between two legs the part of the way along the wall's normal is turned around, and nothing else."""
-    legs = legs_of(MiniGolfEnv(observation="echoes"), position=(0.5, 0.4, BALL))
+    legs = legs_of(MiniGolfEnv(observation="bounce_rays"), position=(0.5, 0.4, BALL))
     ways = np.diff(legs[..., :2], axis=1, prepend=0.0)
     sizes = np.hypot(ways[..., 0], ways[..., 1])
     ways /= np.maximum(sizes, 1e-9)[..., None]
     normals = legs[..., 2:4]
     compared = 0
-    for k in range(LEGS - 1):
+    for k in range(NUM_SEGMENTS - 1):
         long = np.minimum(sizes[:, k], sizes[:, k + 1]) > 0.05
         expected = ways[:, k] - 2.0 * (ways[:, k] * normals[:, k]).sum(-1)[:, None] * normals[:, k]
         np.testing.assert_allclose(ways[long, k + 1], expected[long], atol=1e-3)
@@ -50,10 +58,10 @@ def test_echoes_go_off_walls_as_off_mirrors() -> None:
 
 def test_echoes_go_over_a_hill() -> None:
     """Where rays end at its foot: on to the walls behind, and they tell how high it is."""
-    env = MiniGolfEnv("hill", observation="echoes", tee="fixed")
+    env = MiniGolfEnv("hill", observation="bounce_rays", tee="fixed")
     legs = legs_of(env)
-    rays = MiniGolfEnv("hill", observation="rays", tee="fixed").reset(seed=0)[0][10 : 10 + RAYS] * REACH
-    first = legs[:: ECHOES // RAYS, 0]
+    rays = MiniGolfEnv("hill", observation="rays", tee="fixed").reset(seed=0)[0][10 : 10 + NUM_RAYS] * MAX_RAY_LENGTH
+    first = legs[:: NUM_BOUNCE_RAYS // NUM_RAYS, 0]
     further = np.hypot(*first[:, :2].T) > rays + 0.5
     assert further.any() and (first[further, 5] > 0.03).all()
     assert (legs[..., 5] >= legs[..., 4] - 1e-6).all() and (np.diff(legs[..., 5], axis=1) >= -1e-6).all()
@@ -61,16 +69,16 @@ def test_echoes_go_over_a_hill() -> None:
 
 def test_echoes_do_not_fall_into_the_cup() -> None:
     """A ray that is let down over it goes on level."""
-    env = MiniGolfEnv(observation="echoes")
+    env = MiniGolfEnv(observation="bounce_rays")
     x, y, _ = env.task.cup.position
-    legs = legs_of(env, position=(x, y - STEP, BALL))
-    np.testing.assert_allclose(legs[ECHOES // 4, :, 4:], 0.0, atol=1e-6)
+    legs = legs_of(env, position=(x, y - RAY_STEP_LENGTH, BALL))
+    np.testing.assert_allclose(legs[NUM_BOUNCE_RAYS // 4, :, 4:], 0.0, atol=1e-6)
 
 
 @pytest.mark.parametrize("course", ["dogleg", "loop", "islands", "volcano", "tunnel"])
 def test_echoes_are_finite_on_every_hole(course: str) -> None:
     """Under roofs and beside water too; normals have length 1, or 0 where a leg met no wall."""
-    legs = legs_of(MiniGolfEnv(course, observation="echoes"))
+    legs = legs_of(MiniGolfEnv(course, observation="bounce_rays"))
     assert np.isfinite(legs).all()
     sizes = np.hypot(legs[..., 2], legs[..., 3])
     assert np.minimum(np.abs(sizes - 1.0), sizes).max() < 1e-5

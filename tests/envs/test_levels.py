@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from minigolf_env.envs import MiniGolfEnv, MiniGolfVectorEnv
-from minigolf_env.envs.samplers import ALL, Levels
+from minigolf_env.envs.samplers import ALL, LevelSampler
 from tests.envs.vector_parity import Twins
 
 
@@ -18,18 +18,18 @@ def make(**options: Any) -> MiniGolfEnv:
     return MiniGolfEnv("procedural", **options)
 
 
-def numbers(levels: Levels, many: int = 2000) -> set[int]:
+def numbers(levels: LevelSampler, many: int = 2000) -> set[int]:
     """Return levels drawn from a set whose holes are their numbers."""
     rng = np.random.default_rng(0)
-    return {levels.draw(rng, None) for _ in range(many)}  # type: ignore[misc]
+    return {levels.sample(rng, None) for _ in range(many)}  # type: ignore[misc]
 
 
 def test_training_and_test_levels_are_disjoint() -> None:
     """A set is start_level ... start_level + num_levels - 1, all of it; 0 stands for all there are."""
-    train = numbers(Levels(lambda n: n, 0, 50))  # type: ignore[arg-type, return-value]
-    test = numbers(Levels(lambda n: n, 50, 20))  # type: ignore[arg-type, return-value]
+    train = numbers(LevelSampler(lambda n: n, 0, 50))  # type: ignore[arg-type, return-value]
+    test = numbers(LevelSampler(lambda n: n, 50, 20))  # type: ignore[arg-type, return-value]
     assert train == set(range(50)) and test == set(range(50, 70))
-    everything = numbers(Levels(lambda n: n, 50, 0))  # type: ignore[arg-type, return-value]
+    everything = numbers(LevelSampler(lambda n: n, 50, 0))  # type: ignore[arg-type, return-value]
     assert len(everything) > 1990 and min(everything) < ALL / 100 and max(everything) > 0.99 * ALL
 
 
@@ -44,7 +44,7 @@ def test_the_level_is_drawn_at_reset() -> None:
     assert (
         first[0]["course"]
         == f"procedural-v1-easy-{levels[0]}"
-        == env.task.course.name.replace(str(env.task.level), str(levels[0]))
+        == env.task.course.name.replace(str(env.task.index), str(levels[0]))
     )
 
 

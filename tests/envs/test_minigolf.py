@@ -281,7 +281,7 @@ def test_noise_spreads_putts_around_the_aim() -> None:
     """putt_noise turns direction and scales speed by the stated standard deviations."""
     env = MiniGolfEnv(putt_noise=(2.0, 0.05), top_speed=2.0)
     rngs = [np.random.default_rng(seed) for seed in range(4000)]
-    launched = env.task.launch(np.tile([0.5, 0.0], (4000, 1)), env.task.disturb(rngs))
+    launched = env.task.launch_velocity(np.tile([0.5, 0.0], (4000, 1)), env.task.sample_noise(rngs))
     degrees = np.degrees(np.arctan2(launched[:, 1], launched[:, 0]))
     speeds = np.hypot(launched[:, 0], launched[:, 1])
     assert degrees.std() == pytest.approx(2.0, rel=0.05) and abs(degrees.mean()) < 0.1

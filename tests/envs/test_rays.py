@@ -11,7 +11,7 @@ from gymnasium.utils.env_checker import check_env
 from numpy.typing import NDArray
 
 from minigolf_env.envs import MiniGolfEnv, MiniGolfVectorEnv
-from minigolf_env.envs.observations.rays import RAYS, REACH, TURNS
+from minigolf_env.envs.observations.rays import MAX_RAY_LENGTH, NUM_RAYS, RAY_ANGLES
 
 BALL = 0.02135
 
@@ -24,11 +24,11 @@ def at(x: float, y: float) -> NDArray[Any]:
 
 def test_rays_end_at_the_borders() -> None:
     """On the first leg of the dogleg: to the borders along x and y, less the ball's radius."""
-    felt = at(0.5, 0.4)[:RAYS] * REACH
-    np.testing.assert_allclose(felt[RAYS // 4], 1.25 - 0.4 - BALL, atol=1e-6)
-    np.testing.assert_allclose(felt[RAYS // 2], 0.5 - BALL, atol=1e-6)
-    np.testing.assert_allclose(felt[3 * RAYS // 4], 0.4 - BALL, atol=1e-6)
-    np.testing.assert_allclose(felt[5 * RAYS // 8], (0.4 - BALL) * np.sqrt(2.0), atol=1e-6)
+    felt = at(0.5, 0.4)[:NUM_RAYS] * MAX_RAY_LENGTH
+    np.testing.assert_allclose(felt[NUM_RAYS // 4], 1.25 - 0.4 - BALL, atol=1e-6)
+    np.testing.assert_allclose(felt[NUM_RAYS // 2], 0.5 - BALL, atol=1e-6)
+    np.testing.assert_allclose(felt[3 * NUM_RAYS // 4], 0.4 - BALL, atol=1e-6)
+    np.testing.assert_allclose(felt[5 * NUM_RAYS // 8], (0.4 - BALL) * np.sqrt(2.0), atol=1e-6)
 
 
 def test_a_ball_goes_as_far_as_its_ray() -> None:
@@ -41,16 +41,16 @@ def test_a_ball_goes_as_far_as_its_ray() -> None:
         if world.clearance(lie) < 0:
             continue
         felt = env.reset(options={"position": tuple(lie)})[0][10:].astype(np.float64)
-        for turn, share in zip(TURNS, felt[:RAYS], strict=True):
+        for turn, share in zip(RAY_ANGLES, felt[:NUM_RAYS], strict=True):
             if share < 1.0:
-                touching = lie + [0, 0, BALL] + share * REACH * np.array([np.cos(turn), np.sin(turn), 0.0])
+                touching = lie + [0, 0, BALL] + share * MAX_RAY_LENGTH * np.array([np.cos(turn), np.sin(turn), 0.0])
                 assert abs(world.clearance(touching)) < 1e-6
 
 
 def test_the_ground_is_felt() -> None:
     """Level felt: no drop, no slope. Over the cup the ground is further down."""
-    np.testing.assert_array_equal(at(1.0, 0.3)[RAYS : RAYS + 3], [0.0, 0.0, 0.0])
-    assert at(3.45, 2.1)[RAYS] > 0.1
+    np.testing.assert_array_equal(at(1.0, 0.3)[NUM_RAYS : NUM_RAYS + 3], [0.0, 0.0, 0.0])
+    assert at(3.45, 2.1)[NUM_RAYS] > 0.1
 
 
 def test_the_cup_is_seen_in_one_scale_on_every_hole() -> None:
@@ -64,7 +64,7 @@ def test_the_cup_is_seen_in_one_scale_on_every_hole() -> None:
         np.testing.assert_allclose(observed[2], way[2], atol=1e-6)
 
 
-@pytest.mark.parametrize("observation", ["rays", "echoes"])
+@pytest.mark.parametrize("observation", ["rays", "bounce_rays"])
 @pytest.mark.parametrize("course", ["dogleg", "procedural"])
 def test_a_batch_feels_what_single_environments_do(course: str, observation: str) -> None:
     """Bit for bit."""
@@ -78,7 +78,7 @@ def test_a_batch_feels_what_single_environments_do(course: str, observation: str
     )
 
 
-@pytest.mark.parametrize("observation", ["rays", "echoes"])
+@pytest.mark.parametrize("observation", ["rays", "bounce_rays"])
 def test_the_checker_accepts_rays_and_echoes(observation: str) -> None:
     """Gymnasium's; there is no display here."""
     check_env(gym.make("MiniGolf-v0", observation=observation).unwrapped, skip_render_check=True)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 import minigolf_env  # noqa: F401 (registers the environments)
 from minigolf_env.envs import MiniGolfEnv, MiniGolfVectorEnv
-from minigolf_env.envs.observations.pixels import SIDE
+from minigolf_env.envs.observations.pixels import IMAGE_SIZE
 from minigolf_env.rendering import FPS, RenderingError
 
 pytestmark = pytest.mark.usefixtures("gl")
@@ -199,11 +199,11 @@ def test_pixels_show_ball_cup_and_strokes_left() -> None:
     """The picture changes where the ball goes; its bar is as long as the strokes left."""
     env = MiniGolfEnv(observation="pixels", max_strokes=4)
     first, _ = env.reset(seed=0)
-    assert env.observation_space.contains(first) and first.shape == (SIDE, SIDE, 3)
+    assert env.observation_space.contains(first) and first.shape == (IMAGE_SIZE, IMAGE_SIZE, 3)
     second = env.step(PUTT)[0]
-    assert (first[-1] == 255).all() and (second[-1, :, 0] == 255).sum() == 0.75 * SIDE
+    assert (first[-1] == 255).all() and (second[-1, :, 0] == 255).sum() == 0.75 * IMAGE_SIZE
     moved = np.argwhere((first[:-2] != second[:-2]).any(axis=2))
-    assert 8 < len(moved) < 0.1 * SIDE * SIDE
+    assert 8 < len(moved) < 0.1 * IMAGE_SIZE * IMAGE_SIZE
 
 
 def test_pixels_of_a_batch_are_those_of_single_environments() -> None:

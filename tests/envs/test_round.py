@@ -14,7 +14,7 @@ import minigolf_env  # noqa: F401 (registers the environment)
 from minigolf_env.courses import NINE, ROUND, list_courses, load_course, par_of
 from minigolf_env.courses.files import read_description
 from minigolf_env.courses.library import DATA
-from minigolf_env.envs import MiniGolfEnv, MiniGolfVectorEnv, in_turn
+from minigolf_env.envs import MiniGolfEnv, MiniGolfVectorEnv, round_reset_options
 
 N = 4
 
@@ -137,9 +137,9 @@ def test_what_if_looks_at_the_present_hole() -> None:
 def test_episodes_that_are_all_seeded_take_their_turns() -> None:
     """By options of reset; there are none on other courses."""
     env = make()
-    played = [env.reset(seed=k, options=in_turn(ROUND, k))[1]["course"] for k in range(10)]
+    played = [env.reset(seed=k, options=round_reset_options(ROUND, k))[1]["course"] for k in range(10)]
     assert played == [*NINE, NINE[0]]
-    assert in_turn("dogleg", 3) == in_turn(load_course("dogleg"), 3) == {}
+    assert round_reset_options("dogleg", 3) == round_reset_options(load_course("dogleg"), 3) == {}
 
 
 def test_rules_hold_on_every_hole() -> None:

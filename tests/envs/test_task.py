@@ -9,20 +9,20 @@ import pytest
 import shapely
 
 from minigolf_env.envs import Task
-from minigolf_env.envs.config import make_task
-from minigolf_env.envs.task import OBSERVATION, Outcome, Result, action_space, observation_space, of_rows, together
+from minigolf_env.envs.config import build_task
+from minigolf_env.envs.task import STATE_FEATURES, Outcome, Result, action_space, observation_space, stack_tasks, take
 from minigolf_env.physics import WorldBatch
 
 
 @pytest.fixture(scope="module")
 def task() -> Task:
     """Return the default hole's rules."""
-    return make_task()
+    return build_task()
 
 
 def test_a_putt_longer_than_one_is_a_full_putt(task: Task) -> None:
     """The length of an action is clipped to 1, its direction kept."""
-    launched = task.launch(np.array([[0.3, 0.4], [3.0, 4.0], [0.0, 0.0], [1.0, 1.0]]))
+    launched = task.launch_velocity(np.array([[0.3, 0.4], [3.0, 4.0], [0.0, 0.0], [1.0, 1.0]]))
     assert np.allclose(np.linalg.norm(launched, axis=1), np.array([0.5, 1.0, 0.0, 1.0]) * task.top_speed)
     assert np.allclose(launched[1], 2.0 * launched[0])
     assert (launched[:, 2] == 0.0).all()
@@ -60,7 +60,7 @@ def test_speed_in_any_direction_is_energy_to_leave(task: Task, axis: int) -> Non
 
 def test_spaces_are_what_actions_and_observations_lie_in() -> None:
     """Putts of two numbers, observations of as many as have names, all within [-1, 1], float32."""
-    for space, n in ((action_space(), 2), (observation_space(), len(OBSERVATION))):
+    for space, n in ((action_space(), 2), (observation_space(), len(STATE_FEATURES))):
         assert space.shape == (n,) and space.dtype == np.float32
         for value, known in ((-1.0, True), (1.0, True), (-1.01, False), (1.01, False)):
             assert space.contains(np.full(n, value, np.float32)) is known
@@ -68,9 +68,9 @@ def test_spaces_are_what_actions_and_observations_lie_in() -> None:
 
 def test_noise_turns_and_scales_by_the_standard_deviations() -> None:
     """A draw of 1 turns by one deviation, counter-clockwise, or adds one share of the speed; no putt runs backwards."""
-    task = make_task(putt_noise=(3.0, 0.2))
+    task = build_task(putt_noise=(3.0, 0.2))
     aims = np.array([[0.5, 0.0], [0.0, 0.4], [-0.3, -0.3], [0.6, -0.8]])
-    aimed = task.launch(aims) @ np.array([1.0, 1.0j, 0.0])
+    aimed = task.launch_velocity(aims) @ np.array([1.0, 1.0j, 0.0])
     for draw, factor in (
         ((0.0, 0.0), 1.0),
         ((1.0, 0.0), np.exp(1j * np.radians(3.0))),
@@ -79,35 +79,36 @@ def test_noise_turns_and_scales_by_the_standard_deviations() -> None:
         ((0.0, -2.0), 0.6),
         ((0.0, -9.0), 0.0),
     ):
-        launched = task.launch(aims, np.tile(draw, (4, 1)))
+        launched = task.launch_velocity(aims, np.tile(draw, (4, 1)))
         assert launched @ np.array([1.0, 1.0j, 0.0]) == pytest.approx(aimed * factor) and (launched[:, 2] == 0.0).all()
-    assert task.is_noisy and make_task(putt_noise=(0.0, 0.1)).is_noisy and not make_task().is_noisy
+    assert task.is_noisy and build_task(putt_noise=(0.0, 0.1)).is_noisy and not build_task().is_noisy
 
 
 def test_each_ball_draws_from_its_own_stream() -> None:
     """Noise and tees are those of the streams one by one; the tee's middle asks none of them."""
-    task = make_task()
+    task = build_task()
     streams = [np.random.default_rng(seed) for seed in range(3)]
-    assert np.array_equal(task.disturb(streams), [np.random.default_rng(seed).standard_normal(2) for seed in range(3)])
+    drawn = [np.random.default_rng(seed).standard_normal(2) for seed in range(3)]
+    assert np.array_equal(task.sample_noise(streams), drawn)
     lower, upper = np.array(task.course.tee.lower), np.array(task.course.tee.upper)
-    starts = task.tee_off([np.random.default_rng(seed) for seed in range(3)])
+    starts = task.sample_start([np.random.default_rng(seed) for seed in range(3)])
     shares = np.array([np.random.default_rng(seed).random(2) for seed in range(3)])
     assert starts[:, :2] == pytest.approx(lower + shares * (upper - lower))
     assert starts[:, 2] == pytest.approx(task.course.tee.height + task.world.ball_radius)
     stream = np.random.default_rng(0)
-    task.tee_off([stream])
+    task.sample_start([stream])
     assert stream.random() == np.random.default_rng(0).random(3)[2], "two numbers are drawn, no more"
-    middle = make_task(tee="fixed").tee_off([np.random.default_rng(0)])
+    middle = build_task(tee="fixed").sample_start([np.random.default_rng(0)])
     assert middle[0] == pytest.approx([*task.course.tee.centre, starts[0, 2]])
 
 
 def test_an_observation_says_where_the_ball_and_the_cup_are() -> None:
     """Each number by its name: places in the bounds, ways as shares of their diagonal, the strokes left."""
-    task = make_task(max_strokes=8)
+    task = build_task(max_strokes=8)
     lower, upper = np.array(task.course.bounds)
     balls = np.random.default_rng(4).uniform(lower, upper, (50, 3))
     strokes = np.arange(50) % 9
-    seen = dict(zip(OBSERVATION, task.observe(balls, strokes).astype(np.float64).T, strict=True))
+    seen = dict(zip(STATE_FEATURES, task.observe(balls, strokes).astype(np.float64).T, strict=True))
     shares = np.column_stack([seen[f"ball {axis}"] for axis in "xyz"])
     assert lower + (shares + 1.0) / 2.0 * (upper - lower) == pytest.approx(balls, abs=1e-5)
     reach, to_cup = np.hypot(*(upper - lower)[:2]), np.array(task.cup.position) - balls
@@ -124,26 +125,26 @@ def test_an_observation_says_where_the_ball_and_the_cup_are() -> None:
 
 def test_distance_is_zero_at_the_cup_and_shrinks_along_the_route(task: Task) -> None:
     """Along the route the distance falls by what was walked; elsewhere it is at least the straight line's."""
-    assert task.distance(np.array(task.cup.position)) == pytest.approx(0.0)
+    assert task.distance_to_cup(np.array(task.cup.position)) == pytest.approx(0.0)
     route = np.array(task.course.route)
     legs = np.linalg.norm(np.diff(route, axis=0), axis=1)
-    at_corners = task.distance(np.column_stack([route, np.zeros(len(route))]))
+    at_corners = task.distance_to_cup(np.column_stack([route, np.zeros(len(route))]))
     assert at_corners == pytest.approx([legs[i:].sum() for i in range(len(route))])
     lower, upper = np.asarray(task.course.bounds)
     anywhere = np.random.default_rng(0).uniform(lower, upper, (1000, 3))
     straight = np.hypot(*(anywhere[:, :2] - np.array(task.cup.position)[:2]).T)
-    assert (task.distance(anywhere) >= straight - 1e-12).all()
+    assert (task.distance_to_cup(anywhere) >= straight - 1e-12).all()
 
 
 @pytest.mark.parametrize("name", ["dogleg", "hill", "procedural-v1-hard-2"])
 def test_distance_goes_along_the_nearest_leg(name: str) -> None:
     """Straight to its end, and along the legs after it; which is nearest, shapely says."""
-    task = make_task(name)
+    task = build_task(name)
     route, rng = np.array(task.course.route), np.random.default_rng(7)
     legs = [shapely.LineString(pair) for pair in itertools.pairwise(route)]
     lengths = [leg.length for leg in legs]
     around = route[rng.integers(len(route), size=300)] + rng.normal(0.0, 0.7, (300, 2))
-    found = task.distance(np.column_stack([around, np.zeros(300)]))
+    found = task.distance_to_cup(np.column_stack([around, np.zeros(300)]))
     for place, distance in zip(around, found, strict=True):
         away = np.array([leg.distance(shapely.Point(place)) for leg in legs])
         ways = [np.hypot(*(route[k + 1] - place)) + sum(lengths[k + 1 :]) for k in range(len(legs))]
@@ -153,16 +154,16 @@ def test_distance_goes_along_the_nearest_leg(name: str) -> None:
 
 def test_shaping_adds_a_constant_to_every_episode(task: Task) -> None:
     """Whatever way an episode takes, shaped rewards sum to minus the strokes plus what the start is worth."""
-    shaped = make_task(reward="shaped")
+    shaped = build_task(reward="shaped")
     rng = np.random.default_rng(1)
-    start = shaped.tee_off([rng])[0]
+    start = shaped.sample_start([rng])[0]
     totals = []
     for strokes in (1, 2, 5):
         worth = shaped.potential(np.array([start, *rng.uniform(0.1, 1.0, (strokes, 3))]))
         rewards = shaped.rewards(worth[:-1], worth[1:], np.arange(1, strokes + 1) == strokes)
         totals.append(sum(rewards) + strokes)
     assert totals == pytest.approx([totals[0]] * 3)
-    plain = make_task(reward="strokes")
+    plain = build_task(reward="strokes")
     assert plain.rewards(plain.potential(start), plain.potential(start), np.array(False)) == -1.0
 
 
@@ -170,8 +171,8 @@ def test_the_potential_is_a_stroke_and_a_share_of_the_way(task: Task) -> None:
     """Minus one putt, and 0.3 for each metre to go; nothing where only strokes count. Rewards are its change less 1."""
     balls = np.random.default_rng(5).uniform(*task.course.bounds, (20, 3))
     worth = task.potential(balls)
-    assert worth == pytest.approx(-1.0 - 0.3 * task.distance(balls))
-    plain = make_task(reward="strokes").potential(balls.reshape(4, 5, 3))
+    assert worth == pytest.approx(-1.0 - 0.3 * task.distance_to_cup(balls))
+    plain = build_task(reward="strokes").potential(balls.reshape(4, 5, 3))
     assert plain.shape == (4, 5) and (plain == 0.0).all()
     going = task.rewards(worth[:10], worth[10:], np.zeros(10, np.bool_))
     assert going == pytest.approx(-1.0 + worth[10:] - worth[:10])
@@ -180,10 +181,10 @@ def test_the_potential_is_a_stroke_and_a_share_of_the_way(task: Task) -> None:
 
 def test_a_trace_is_the_way_of_the_stroke(task: Task) -> None:
     """It begins where the ball was struck, and ends where and when the stroke does."""
-    start = task.tee_off([np.random.default_rng(6)])
-    putt = task.launch(np.array([[0.4, 0.1]]))
-    outcome = task.play(start, putt)
-    path, times = task.trace(start[0], putt[0])
+    start = task.sample_start([np.random.default_rng(6)])
+    putt = task.launch_velocity(np.array([[0.4, 0.1]]))
+    outcome = task.simulate(start, putt)
+    path, times = task.simulate_path(start[0], putt[0])
     assert path[0] == pytest.approx(start[0]) and path[-1] == pytest.approx(outcome.position[0])
     assert times[0] == 0.0 and times[-1] == pytest.approx(outcome.time[0]) and (np.diff(times) >= 0.0).all()
     assert outcome.result[0] == Result.REST and outcome.bounces[0] > 0 and not outcome.holed[0]
@@ -203,27 +204,27 @@ def test_outcomes_keep_their_strokes_in_another_shape() -> None:
 def test_games_of_several_holes_play_each_by_its_own() -> None:
     """One task alone stays itself; of several, ball i sees, aims and plays as task i does; rows choose among them."""
     tasks = [
-        make_task(name, max_strokes=5, putt_noise=(1.0, 0.1), tee="fixed", reward="shaped")
+        build_task(name, max_strokes=5, putt_noise=(1.0, 0.1), tee="fixed", reward="shaped")
         for name in ("dogleg", "hill")
     ]
-    assert together(tasks[:1]) is together([tasks[0]] * 3) is tasks[0]
-    assert of_rows(tasks[0], np.array([0, 0])) is tasks[0]
+    assert stack_tasks(tasks[:1]) is stack_tasks([tasks[0]] * 3) is tasks[0]
+    assert take(tasks[0], np.array([0, 0])) is tasks[0]
     for rows in ([0, 1], [1, 0, 1]):
-        game = of_rows(together(tasks), np.array(rows))
+        game = take(stack_tasks(tasks), np.array(rows))
         mine = [tasks[i] for i in rows]
         assert game.courses == tuple(task.course for task in mine) and isinstance(game.world, WorldBatch)
         assert (game.reward, game.max_strokes, game.random_tee, game.putt_noise) == ("shaped", 5, False, (1.0, 0.1))
-        starts = game.tee_off([np.random.default_rng(0)] * len(rows))
+        starts = game.sample_start([np.random.default_rng(0)] * len(rows))
         aims = np.tile([0.3, 0.1], (len(rows), 1))
         draws = np.full((len(rows), 2), 0.5)
-        putts = game.launch(aims, draws)
-        played = game.play(starts, putts)
+        putts = game.launch_velocity(aims, draws)
+        played = game.simulate(starts, putts)
         for i, task in enumerate(mine):
-            assert (starts[i] == task.tee_off([np.random.default_rng(0)])[0]).all()
-            assert (putts[i] == task.launch(aims[i], draws[i])).all()
-            alone = task.play(starts[i : i + 1], putts[i : i + 1])
+            assert (starts[i] == task.sample_start([np.random.default_rng(0)])[0]).all()
+            assert (putts[i] == task.launch_velocity(aims[i], draws[i])).all()
+            alone = task.simulate(starts[i : i + 1], putts[i : i + 1])
             assert all(one[i].tobytes() == other[0].tobytes() for one, other in zip(played, alone, strict=True))
-            assert game.distance(starts)[i] == task.distance(starts[i])
+            assert game.distance_to_cup(starts)[i] == task.distance_to_cup(starts[i])
             assert game.potential(starts)[i] == task.potential(starts[i])
 
 
@@ -233,9 +234,9 @@ def test_rules_take_one_ball_or_many(task: Task) -> None:
     positions, putts = rng.uniform(0.1, 1.0, (5, 3)), rng.uniform(-1, 1, (5, 2))
     strokes = np.arange(5)
     for many, one in (
-        (task.launch(putts), [task.launch(p) for p in putts]),
+        (task.launch_velocity(putts), [task.launch_velocity(p) for p in putts]),
         (task.observe(positions, strokes), [task.observe(p, s) for p, s in zip(positions, strokes, strict=True)]),
-        (task.distance(positions), [task.distance(p) for p in positions]),
+        (task.distance_to_cup(positions), [task.distance_to_cup(p) for p in positions]),
         (task.is_holed(positions, positions), [task.is_holed(p, p) for p in positions]),
     ):
         assert many.tobytes() == np.array(one).tobytes()
@@ -243,7 +244,7 @@ def test_rules_take_one_ball_or_many(task: Task) -> None:
 
 def test_a_ball_that_left_the_course_goes_back(task: Task) -> None:
     """Out of bounds: the ball lies where it was struck."""
-    start = task.tee_off([np.random.default_rng(3)])
-    outcome = task.play(start, np.array([[0.0, 0.0, 8.0]]))
+    start = task.sample_start([np.random.default_rng(3)])
+    outcome = task.simulate(start, np.array([[0.0, 0.0, 8.0]]))
     assert outcome.result[0] == 1
     assert (outcome.position == start).all()

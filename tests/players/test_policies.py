@@ -35,8 +35,8 @@ def test_a_judge_of_other_numbers_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=f"judge of {NUMBERS} numbers, received one of {NUMBERS + 1}"):
         load_policy(tmp_path / f"{NUMBERS + 1}.npz")
     policy = ModelPolicy(tmp_path / f"{NUMBERS}.npz")
-    assert policy.observation == "echoes"
-    env = MiniGolfEnv(observation="echoes")
+    assert policy.observation == "bounce_rays"
+    env = MiniGolfEnv(observation="bounce_rays")
     seen = np.array([env.reset(seed=seed)[0] for seed in range(3)])
     putts = policy.act_batch(seen)
     assert np.abs(putts).max() <= 1.0
@@ -47,7 +47,7 @@ def test_the_generalist_plays_levels_it_has_never_seen() -> None:
     """Well below the strokes of two putts on each."""
     policy = load_policy("generalist")
     assert isinstance(policy, ModelPolicy)
-    envs = MiniGolfVectorEnv(30, "procedural", difficulty="easy", observation="echoes", tee="fixed", num_levels=1)
+    envs = MiniGolfVectorEnv(30, "procedural", difficulty="easy", observation="bounce_rays", tee="fixed", num_levels=1)
     played = run_episodes_batched(envs, policy, None, {"level": list(range(2_000_000, 2_000_030))})
     assert all(episode.holed for episode in played)
     assert np.mean([episode.strokes for episode in played]) < 1.9

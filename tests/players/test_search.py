@@ -44,7 +44,7 @@ def test_the_plan_is_what_happens(env: MiniGolfEnv, noise: tuple[float, float]) 
     assert env.action_space.contains(plan.action)
     outcome = env.what_if(plan.action[None])
     assert bool(outcome.holed[0]) == plan.holed
-    assert plan.distance == (0.0 if plan.holed else env.task.distance(outcome.position)[0])
+    assert plan.distance == (0.0 if plan.holed else env.task.distance_to_cup(outcome.position)[0])
 
 
 def test_more_search_is_no_worse(env: MiniGolfEnv) -> None:
@@ -84,10 +84,10 @@ def test_noise_is_planned_for(env: MiniGolfEnv) -> None:
     plan = search(noisy)
     assert plan[1:] == search(env, noise=NOISE)[1:] and 1.0 <= plan.strokes < 3.0
     putts = np.tile(plan.action.astype(np.float64), (2000, 1))
-    velocities = noisy.task.launch(putts, np.random.default_rng(0).standard_normal((2000, 2)))
+    velocities = noisy.task.launch_velocity(putts, np.random.default_rng(0).standard_normal((2000, 2)))
     positions = np.tile(noisy.get_state()["position"], (2000, 1))
-    outcome = noisy.task.play(positions, velocities)
-    left = np.where(outcome.holed, 0.0, 1.0 + 0.3 * noisy.task.distance(outcome.position))
+    outcome = noisy.task.simulate(positions, velocities)
+    left = np.where(outcome.holed, 0.0, 1.0 + 0.3 * noisy.task.distance_to_cup(outcome.position))
     assert plan.strokes == pytest.approx(1.0 + left.mean(), abs=0.15)
 
 

@@ -128,7 +128,7 @@ class Game:
 
     def velocity(self, aim: Aim) -> FloatArray:
         """Return what a stroke launches the ball with (3,), m/s."""
-        return np.asarray(self._env.task.launch(np.array([aim.x, aim.y])))
+        return np.asarray(self._env.task.launch_velocity(np.array([aim.x, aim.y])))
 
     def strike(self, aim: Aim) -> Stroke:
         """Play the human's putt."""
@@ -180,7 +180,7 @@ class Game:
 
     def way(self, aim: Aim) -> FloatArray:
         """Return the whole way (T, 3), m."""
-        return self._env.task.trace(self.ball, self.velocity(aim))[0]
+        return self._env.task.simulate_path(self.ball, self.velocity(aim))[0]
 
     def verdict(self, who: str) -> str:
         """Return how to announce that a player has finished the hole; empty before."""
@@ -190,7 +190,7 @@ class Game:
     def _play(self, env: MiniGolfEnv, who: str, putt: FloatArray | NDArray[np.float32]) -> tuple[Stroke, Score | None]:
         """Return a putt, and the player's score if it was the last of the hole."""
         before = np.array(env.get_state()["position"])
-        path, times = env.task.trace(before, env.task.launch(np.asarray(putt, dtype=np.float64)))
+        path, times = env.task.simulate_path(before, env.task.launch_velocity(np.asarray(putt, dtype=np.float64)))
         seen, _, over, _, info = env.step(putt)
         if env is self._rival_env:
             self._seen = seen

@@ -10,27 +10,27 @@ from gymnasium.spaces import Box
 from numpy.typing import NDArray
 
 from minigolf_env.courses import Course
-from minigolf_env.envs.task import FloatArray, Game
+from minigolf_env.envs.task import FloatArray, TaskBatch
 from minigolf_env.rendering import flag_at_rest, still
 
-SIDE = 84
+IMAGE_SIZE = 84
 """Pixels a side, as deep Q-networks have it."""
 
-LEAST = 2.5
+MIN_BALL_RADIUS = 2.5
 """The ball's radius in the picture is at least this, pixels: in its true size it would be less than one."""
 
-BAR = 2
+STROKES_BAR_HEIGHT = 2
 """Rows at the bottom, pixels: their white part is the share of the strokes that is left."""
 
-PROFILE = "fast"
+PIXEL_RENDER_PROFILE = "fast"
 
 
 def pixel_space() -> Space[NDArray[np.uint8]]:
     """Return the space of "pixels" observations (SIDE, SIDE, 3)."""
-    return cast(Space[NDArray[np.uint8]], Box(0, 255, (SIDE, SIDE, 3), np.uint8))
+    return cast(Space[NDArray[np.uint8]], Box(0, 255, (IMAGE_SIZE, IMAGE_SIZE, 3), np.uint8))
 
 
-def observe_pixels(game: Game, positions: FloatArray, strokes: NDArray[np.int64]) -> NDArray[np.uint8]:
+def observe_pixels(game: TaskBatch, positions: FloatArray, strokes: NDArray[np.int64]) -> NDArray[np.uint8]:
     """Return pictures (N, SIDE, SIDE, 3) of balls at positions (N, 3), m, after a number of strokes (N,).
 
     Raises:
@@ -41,7 +41,8 @@ def observe_pixels(game: Game, positions: FloatArray, strokes: NDArray[np.int64]
     else:
         drawn = [_from_above(course, ball[None])[0] for course, ball in zip(game.courses, positions, strict=True)]
     pictures, left = np.stack(drawn), 1.0 - strokes / game.max_strokes
-    pictures[:, -BAR:] = np.where(np.arange(SIDE) < SIDE * left[:, None], 255, 0)[:, None, :, None]
+    is_white = np.arange(IMAGE_SIZE) < IMAGE_SIZE * left[:, None]
+    pictures[:, -STROKES_BAR_HEIGHT:] = np.where(is_white, 255, 0)[:, None, :, None]
     return pictures
 
 
@@ -50,7 +51,7 @@ def _from_above(course: Course, balls: FloatArray) -> list[NDArray[np.uint8]]:
     from minigolf_env.rendering.offscreen import draw_many
 
     camera, frame = still(course, "top", 1.0, balls[0])
-    metre = camera.pixels_a_metre(camera.eye[2] - course.tee.height, SIDE)
-    frame = frame._replace(size=max(1.0, LEAST / (metre * course.ball_radius)))
+    metre = camera.pixels_a_metre(camera.eye[2] - course.tee.height, IMAGE_SIZE)
+    frame = frame._replace(size=max(1.0, MIN_BALL_RADIUS / (metre * course.ball_radius)))
     frames = [frame._replace(ball=ball, flag=flag_at_rest(course)) for ball in balls]
-    return draw_many(course, camera, frames, (SIDE, SIDE), PROFILE)
+    return draw_many(course, camera, frames, (IMAGE_SIZE, IMAGE_SIZE), PIXEL_RENDER_PROFILE)

@@ -10,7 +10,7 @@ from minigolf_env.apps.play.game import YOU, Game
 from minigolf_env.apps.play.scores import BestScores
 from minigolf_env.apps.play.throwing import Throwing
 from minigolf_env.courses import NINE, list_courses, load_course
-from minigolf_env.envs.observations import OBSERVERS
+from minigolf_env.envs.observations import OBSERVATIONS
 from minigolf_env.players.network import Layer, Network
 from minigolf_env.players.policies import ModelPolicy, Policy, SearchPolicy
 
@@ -118,7 +118,7 @@ def test_the_opponent_plays_after_the_human(tmp_path: Path) -> None:
 
 def test_the_opponent_sees_what_it_was_trained_with(tmp_path: Path) -> None:
     """A model of "rays" gets them."""
-    inputs = OBSERVERS["rays"].space().shape[0]
+    inputs = OBSERVATIONS["rays"].space().shape[0]
     rays = Network((Layer(np.zeros((inputs, 2), np.float32), np.array([0.1, 0.0], np.float32)),))
     rays.save(tmp_path / "rays.npz")
     game = new_game(tmp_path, ModelPolicy(tmp_path / "rays.npz"))
