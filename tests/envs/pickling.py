@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from minigolf_env.envs import MiniGolfEnv, MiniGolfVectorEnv
-from tools.determinism import feed
+from tools.determinism import update_digest
 
 NOISE = (0.5, 0.015)
 OPTIONS: dict[str, dict[str, Any]] = {
@@ -43,12 +43,14 @@ def play(env: Any, steps: int, first: int) -> str:
     for k in range(first, first + steps):
         shape = (N, 2) if isinstance(env, MiniGolfVectorEnv) else (2,)
         results = env.step(np.random.default_rng(k).uniform(-1.0, 1.0, shape))
-        feed(digest, [*results[:4], results[4]["shot_time"], results[4]["course"].tolist() if shape[:-1] else []])
+        update_digest(
+            digest, [*results[:4], results[4]["shot_time"], results[4]["course"].tolist() if shape[:-1] else []]
+        )
         if shape == (2,) and results[2]:
-            feed(digest, list(env.reset()))
+            update_digest(digest, list(env.reset()))
         if shape != (2,) and env.metadata["autoreset_mode"].value == "Disabled" and results[2].any():
-            feed(digest, env.reset(options={"reset_mask": results[2]})[0])
-    feed(digest, env.get_state())
+            update_digest(digest, env.reset(options={"reset_mask": results[2]})[0])
+    update_digest(digest, env.get_state())
     return digest.hexdigest()
 
 
