@@ -1,5 +1,5 @@
-"""Minigolf to play by hand, in a window."""
+"""Minigolf for people: a game in a window, played with mouse and keyboard."""
 
-from minigolf_env.apps.play.start import run
+from minigolf_env.apps.play.launcher import run
 
 __all__ = ["run"]

@@ -1,4 +1,7 @@
-"""The game in its window: what is shown when, and what happens next. Nothing is drawn while nothing changes."""
+"""The game in its window: input events change the state, and a timer draws what has changed.
+
+Nothing is drawn, and no timer runs, while nothing changes.
+"""
 
 from __future__ import annotations
 
@@ -10,140 +13,162 @@ from typing import Any
 import numpy as np
 import pyglet
 
-from minigolf_env.apps.play.aim import Aim, from_drag, towards
-from minigolf_env.apps.play.game import YOU, Game, Stroke
+from minigolf_env.apps.play.aim import Aim, aim_along_view, aim_from_drag
+from minigolf_env.apps.play.capture import VIDEO_FPS, WindowRecorder, save_screenshot
+from minigolf_env.apps.play.golf_round import GolfRound
 from minigolf_env.apps.play.guides import Guides
 from minigolf_env.apps.play.hud import Hud
-from minigolf_env.apps.play.record import FPS, Recorder, save_picture
-from minigolf_env.apps.play.showing import SLOW, Showing
-from minigolf_env.apps.play.throwing import Throwing
-from minigolf_env.apps.play.view import View
-from minigolf_env.apps.play.words import NEWS, facts, report
+from minigolf_env.apps.play.hud_text import FAILED_STROKE_MESSAGES, hud_state
+from minigolf_env.apps.play.orbit_camera import OrbitCamera
+from minigolf_env.apps.play.replay_player import SLOW_MOTION_RATE, ReplayPlayer
+from minigolf_env.apps.play.stroke import HUMAN_NAME, Stroke
+from minigolf_env.apps.play.throw_mode import ThrowMode
 from minigolf_env.rendering import Camera, Frame, Line
 from minigolf_env.rendering.camera import follow_view
 from minigolf_env.rendering.replay import Replay, flag_foot
 from minigolf_env.rendering.window import Window
 
-TICK = 1.0 / 60.0
-"""Pictures are at least this far apart, s."""
+MIN_FRAME_INTERVAL = 1.0 / 60.0
+"""Shortest time between two frames, s."""
+
+MAX_FRAME_INTERVAL = 0.1
+"""Longest time that the camera moves in one frame, s."""
+
+MAX_ELEVATION = 85.0
+"""Largest elevation of a throw, degrees above the horizon."""
 
 Log = Callable[..., None]
+"""A function that takes an event's name and its fields."""
 
 
 class App:
-    """One window on one round of golf, or on a room to throw in.
+    """One window on a round of golf, or on a room to throw in.
 
     Args:
         window: the window, not yet visible.
-        play: the round.
-        log: called with an event's name and its facts.
+        mode: the round, or the room.
+        log: called for each event.
     """
 
-    def __init__(self, window: Window, play: Game | Throwing, log: Log) -> None:
-        self.window, self.play, self.log = window, play, log
-        self.golf = play if isinstance(play, Game) else None
-        """The round, if there is one."""
-        self.view = View()
+    def __init__(self, window: Window, mode: GolfRound | ThrowMode, log: Log) -> None:
+        self.window = window
+        self.mode = mode
+        self.log = log
+        self.golf = mode if isinstance(mode, GolfRound) else None
+        """The round; None in a room."""
+        self.view = OrbitCamera()
         self.aim: Aim | None = None
         self.message = "Drag back anywhere and release" if self.golf else "Drag back and release to throw"
-        self.card_shown, self.path_shown = False, True
-        self.elevation = play.elevation
-        self.recorder = Recorder()
-        self.last: Stroke | None = None
+        self.card_shown = False
+        self.path_shown = True
+        self.elevation = mode.default_elevation
+        self.recorder = WindowRecorder()
+        self.last_stroke: Stroke | None = None
         self._hud = Hud(window.window)
-        self._pool = ThreadPoolExecutor(1)
-        self._thought: tuple[Future[Any], Callable[[Any], None]] | None = None
-        self._showing: Showing | None = None
-        self._ghost: tuple[Line, ...] = ()
-        self._turn = np.eye(3)
-        self._changed, self._ticking, self._ticked = True, False, 0.0
-        self._wants_picture = False
-        window.overlay = self._write
+        self._executor = ThreadPoolExecutor(1)
+        self._pending: tuple[Future[Any], Callable[[Any], None]] | None = None
+        self._player: ReplayPlayer | None = None
+        self._hint_path: tuple[Line, ...] = ()
+        self._rotation = np.eye(3)
+        self._needs_redraw = True
+        self._is_ticking = False
+        self._last_tick = 0.0
+        self._wants_screenshot = False
+        window.overlay = self._draw_overlay
 
     def run(self) -> None:
         """Play until the window is closed."""
-        self.play.foresee(towards(self._wanted(), elevation=self.elevation))  # Compiles what is not yet.
+        # Compile the physics before the window appears.
+        self.mode.predict_path(aim_along_view(self._target_camera(), elevation=self.elevation))
         self.window.window.set_visible(True)
         self.wake()
         try:
             pyglet.app.run(None)
         finally:
             self.log("closed")
-            self._pool.shutdown(cancel_futures=True)
+            self._executor.shutdown(cancel_futures=True)
             self.recorder.close()
             self.window.close()
 
     @property
     def is_ready(self) -> bool:
-        """Whether the player may strike."""
-        return self._showing is None and not (self.golf and self.golf.is_over)
+        """True if the player may strike."""
+        return self._player is None and not (self.golf and self.golf.is_over)
 
     @property
     def is_busy(self) -> bool:
-        """Whether a stroke is on its way, or the opponent's turn."""
-        return self._showing is not None or bool(self.golf and self.golf.awaits_rival)
-
-    @property
-    def _guides(self) -> Guides:
-        return Guides(self.play.course.ball_radius, flying=self.golf is None)
+        """True while a stroke is displayed or the opponent plays."""
+        return self._player is not None or bool(self.golf and self.golf.is_opponents_turn)
 
     def wake(self) -> None:
-        """Have the window drawn again soon, and go on as long as something moves."""
-        self._changed = True
-        if not self._ticking:
-            self._ticking, self._ticked = True, time.perf_counter() - TICK
-            pyglet.clock.schedule_interval(self._tick, TICK)
+        """Redraw the window soon, and keep drawing while something moves."""
+        self._needs_redraw = True
+        if not self._is_ticking:
+            self._is_ticking = True
+            self._last_tick = time.perf_counter() - MIN_FRAME_INTERVAL
+            pyglet.clock.schedule_interval(self._tick, MIN_FRAME_INTERVAL)
 
-    def pull(self, drag: tuple[float, float]) -> None:
-        """Aim by a drag, pixels of the window."""
+    def drag_aim(self, drag: tuple[float, float]) -> None:
+        """Set the aim from a mouse drag, pixels of the window."""
         if self.is_ready:
             size = self.window.window.get_size()
-            self.aim = from_drag(self.view.camera, self.play.ball, drag, size, self.elevation)
+            self.aim = aim_from_drag(self.view.camera, self.mode.ball, drag, size, self.elevation)
             self.wake()
 
-    def nudge(self, degrees: float = 0.0, power: float = 0.0, elevation: float = 0.0) -> None:
-        """Aim by keys."""
+    def nudge_aim(self, degrees: float = 0.0, power: float = 0.0, elevation: float = 0.0) -> None:
+        """Change the aim by keys; start one if there is none.
+
+        Args:
+            degrees: turn to the left.
+            power: change of power, as a share of the top speed.
+            elevation: change of elevation, degrees.
+        """
         if not self.is_ready:
             return
-        self.elevation = min(85.0, max(0.0, self.elevation + elevation))
-        aim = self.aim or towards(self.view.camera, elevation=self.elevation)
-        aim = aim.turned(degrees).stronger(power) if degrees or power else aim
-        self.take(Aim(aim.x, aim.y, self.elevation))
+        self.elevation = min(MAX_ELEVATION, max(0.0, self.elevation + elevation))
+        aim = self.aim or aim_along_view(self.view.camera, elevation=self.elevation)
+        if degrees or power:
+            aim = aim.turned(degrees).stronger(power)
+        self.set_aim(Aim(aim.x, aim.y, self.elevation))
 
-    def take(self, aim: Aim | None) -> None:
-        """Aim so, or not at all."""
+    def set_aim(self, aim: Aim | None) -> None:
+        """Set the aim; None cancels it."""
         self.aim = aim
         if aim is not None:
             self.log("aim", x=aim.x, y=aim.y, power=aim.power, elevation=aim.elevation)
         self.wake()
 
     def strike(self) -> None:
-        """Strike the ball as it is aimed at."""
+        """Strike the ball with the present aim."""
         if self.aim is None or not self.is_ready:
             return
-        aim, self._thought = self.aim, None
-        stroke = self.play.strike(aim)
-        self.log("putt", who=stroke.who, x=aim.x, y=aim.y, power=aim.power)
+        aim = self.aim
+        self._pending = None
+        stroke = self.mode.strike(aim)
+        self.log("putt", player=stroke.player, x=aim.x, y=aim.y, power=aim.power)
         self.message = ""
-        self._show(stroke, 1.0, lambda: self._rested(stroke))
+        self._play_back(stroke, 1.0, lambda: self._on_rest(stroke))
 
     def replay(self) -> None:
-        """Show the last stroke again, slowly."""
-        if self.last is not None and not self.is_busy:
-            before = self.message, self.card_shown
-            self.message, self.view.base = "Replay", None
-            self._show(self.last, SLOW, lambda: self._replayed(*before))
+        """Show the last stroke again, in slow motion."""
+        if self.last_stroke is None or self.is_busy:
+            return
+        message = self.message
+        card_shown = self.card_shown
+        self.message = "Replay"
+        self.view.base = None
+        self._play_back(self.last_stroke, SLOW_MOTION_RATE, lambda: self._on_replayed(message, card_shown))
 
     def skip(self) -> None:
-        """Go to the end of what is shown."""
-        if self._showing is not None:
-            self._showing.skip()
+        """Skip to the end of the stroke that is displayed."""
+        if self._player is not None:
+            self._player.skip()
 
     def undo(self) -> None:
-        """Take the last stroke back."""
+        """Undo the last stroke."""
         if self.golf and not self.is_busy and self.golf.undo():
-            self._forget()
-            self.say("Practice: this score will not be kept as your best")
+            self._clear_stroke_state()
+            self.show_message("Practice: this score will not be kept as your best")
             self.log("undo", strokes=self.golf.strokes)
 
     def next_hole(self) -> None:
@@ -152,148 +177,181 @@ class App:
             self.golf.next_hole()
             self.window.course = self.golf.course
             self.view.base = None
-            self._forget()
-            self.say("")
+            self._clear_stroke_state()
+            self.show_message("")
             self.log("hole", name=self.golf.hole)
 
     def hint(self) -> None:
-        """Ask search for a putt."""
-        if self.golf and self.is_ready and self._thought is None:
-            self.say("Thinking ...")
+        """Search for a putt in the background."""
+        if self.golf and self.is_ready and self._pending is None:
+            self.show_message("Searching ...")
             golf = self.golf
-            self._think(golf.hint, lambda aim: self._hinted(aim, self._guides.ghost(golf.way(aim))))
+            self._run_in_background(
+                golf.hint, lambda aim: self._on_hint(aim, self._guides().hint_path(golf.full_path(aim)))
+            )
 
-    def record(self) -> None:
-        """Begin a film, or end it."""
-        self.say(self.recorder.switch(self.play.course.name, self.window.window.get_framebuffer_size()))
-        self.log("film", on=self.recorder.is_on)
+    def toggle_recording(self) -> None:
+        """Start a video, or finish it."""
+        size = self.window.window.get_framebuffer_size()
+        self.show_message(self.recorder.toggle(self.mode.course.name, size))
+        self.log("recording", on=self.recorder.is_on)
 
-    def picture(self) -> None:
-        """Save what the window shows."""
-        self._wants_picture = True
+    def screenshot(self) -> None:
+        """Save the next frame of the window."""
+        self._wants_screenshot = True
         self.wake()
 
-    def say(self, message: str) -> None:
-        """Write a message over the picture."""
+    def show_message(self, message: str) -> None:
+        """Show a message above the scene."""
         self.message = message
         self.wake()
 
-    def _replayed(self, message: str, card_shown: bool) -> None:
-        self.card_shown = card_shown
-        self.say(message)
-        self.log("replayed")
+    def _guides(self) -> Guides:
+        return Guides(self.mode.course.ball_radius, flying=self.golf is None)
 
-    def _forget(self) -> None:
-        """Forget what belongs to a ball that is no more where it was."""
-        self.aim, self._ghost, self.last, self._thought, self.card_shown = None, (), None, None, False
-        self._turn = np.eye(3)
+    def _clear_stroke_state(self) -> None:
+        """Clear everything that belongs to the ball's former position."""
+        self.aim = None
+        self.last_stroke = None
+        self.card_shown = False
+        self._hint_path = ()
+        self._pending = None
+        self._rotation = np.eye(3)
 
-    def _think(self, work: Callable[[], Any], then: Callable[[Any], None]) -> None:
-        self._thought = self._pool.submit(work), then
+    def _run_in_background(self, work: Callable[[], Any], on_result: Callable[[Any], None]) -> None:
+        """Run a function in the worker thread; pass its result to ``on_result`` in the main thread."""
+        self._pending = self._executor.submit(work), on_result
         self.wake()
 
-    def _hinted(self, aim: Aim, ghost: tuple[Line, ...]) -> None:
-        self._ghost = ghost
-        self.say("Hint: Enter plays it")
+    def _on_hint(self, aim: Aim, hint_path: tuple[Line, ...]) -> None:
+        self._hint_path = hint_path
+        self.show_message("Hint: Enter plays it")
         self.log("hint", x=aim.x, y=aim.y)
-        self.take(aim)
+        self.set_aim(aim)
 
-    def _show(self, stroke: Stroke, pace: float, then: Callable[[], None]) -> None:
+    def _on_replayed(self, message: str, card_shown: bool) -> None:
+        self.card_shown = card_shown
+        self.show_message(message)
+        self.log("replayed")
+
+    def _on_rest(self, stroke: Stroke) -> None:
+        """Announce the result of a stroke and continue with the opponent's turn or the score card."""
+        position = stroke.next_position.tolist()
+        self.log("rest", player=stroke.player, status=stroke.status, position=position, strokes=self.mode.strokes)
+        self.message = FAILED_STROKE_MESSAGES.get(stroke.status, self.message)
+        golf = self.golf
+        if golf is None:
+            return
+        score_message = golf.score_message(stroke.player)
+        if score_message:
+            self.message = score_message if stroke.player == HUMAN_NAME else f"{stroke.player}: {score_message}"
+        if golf.is_opponents_turn:
+            self._run_in_background(golf.opponent_putt, lambda putt: self._on_opponent(golf.opponent_strike(putt)))
+        elif golf.is_over:
+            self.card_shown = True
+            self.log("hole_over", rows=golf.card.rows(golf.best.best))
+
+    def _on_opponent(self, stroke: Stroke) -> None:
+        self.message = f"{stroke.player} plays"
+        self._play_back(stroke, 1.0, lambda: self._on_rest(stroke))
+
+    def _play_back(self, stroke: Stroke, rate: float, on_end: Callable[[], None]) -> None:
+        """Start to display a stroke."""
         replay = Replay(
-            self.play.course,
+            self.mode.course,
             stroke.path,
             stroke.times,
             "follow",
             self._aspect,
-            turn=self._turn,
-            lies=stroke.lies,
+            turn=self._rotation,
+            lies=stroke.next_position,
             before=self.view.base,
         )
-        self.aim, self._ghost, self.last, self.card_shown = None, (), stroke, False
-        self._showing = Showing(replay, pace, then)
+        self.aim = None
+        self.last_stroke = stroke
+        self.card_shown = False
+        self._hint_path = ()
+        self._player = ReplayPlayer(replay, rate, on_end)
         self.wake()
 
-    def _rested(self, stroke: Stroke) -> None:
-        """Go on after a stroke."""
-        self.log("rest", who=stroke.who, status=stroke.status, lies=stroke.lies.tolist(), strokes=self.play.strokes)
-        self.message = NEWS.get(stroke.status, self.message)
-        golf = self.golf
-        if golf is None:
-            return
-        verdict = golf.verdict(stroke.who)
-        if verdict:
-            self.message = verdict if stroke.who == YOU else f"{stroke.who}: {verdict}"
-        if golf.awaits_rival:
-            self._think(golf.rival_choice, lambda putt: self._rival_chose(golf.rival_strike(putt)))
-        elif golf.is_over:
-            self.card_shown = True
-            self.log("over", rows=golf.card.rows(golf.best.best))
-
-    def _rival_chose(self, stroke: Stroke) -> None:
-        self.message = f"{stroke.who} plays"
-        self._show(stroke, 1.0, lambda: self._rested(stroke))
-
     def _tick(self, _: float) -> None:
-        """Go on by one picture, if there is something new to see."""
+        """Advance by one frame, draw it if it is new, and stop the timer when nothing moves."""
         now = time.perf_counter()
-        elapsed, self._ticked = min(now - self._ticked, 0.1), now
+        elapsed = min(now - self._last_tick, MAX_FRAME_INTERVAL)
+        self._last_tick = now
         moves = self._advance(elapsed)
-        if moves or self._changed:
+        if moves or self._needs_redraw:
             self._draw()
-        if not moves and not self._changed and self._thought is None and self._showing is None:
+        if not moves and not self._needs_redraw and self._pending is None and self._player is None:
             pyglet.clock.unschedule(self._tick)
-            self._ticking = False
-            self.log("idle", **report(self))
+            self._is_ticking = False
+            self._log_idle()
 
     def _advance(self, elapsed: float) -> bool:
-        """Let time pass, s; return whether what is seen moves."""
-        if self._showing is not None:
-            return self._advance_stroke(self._showing)
-        if self._thought is not None and self._thought[0].done():
-            (future, then), self._thought = self._thought, None
-            then(future.result())
-        return self.view.chase(self._wanted(), elapsed)
+        """Advance the time by ``elapsed`` seconds; return whether the view changes."""
+        if self._player is not None:
+            return self._advance_stroke(self._player)
+        if self._pending is not None and self._pending[0].done():
+            future, on_result = self._pending
+            self._pending = None
+            on_result(future.result())
+        return self.view.chase(self._target_camera(), elapsed)
 
-    def _advance_stroke(self, showing: Showing) -> bool:
-        if not showing.advance(FPS if self.recorder.is_on else None):
+    def _advance_stroke(self, player: ReplayPlayer) -> bool:
+        """Advance the stroke that is displayed; return whether the view changes."""
+        if not player.advance(VIDEO_FPS if self.recorder.is_on else None):
             return False
-        self.view.base = showing.replay.camera(showing.time)
-        if showing.is_over:
-            self.log("shown", pictures=showing.pictures, seconds=time.perf_counter() - showing.start)
-            self._turn, self._showing = showing.replay.last_turn, None
-            showing.then()
+        self.view.base = player.replay.camera(player.time)
+        if player.is_over:
+            self.log("shown", frames=player.frame_count, seconds=time.perf_counter() - player.start)
+            self._rotation = player.replay.last_turn
+            self._player = None
+            player.on_end()
         return True
 
     @property
     def _aspect(self) -> float:
         width, height = self.window.window.get_size()
-        return float(max(width, 1) / max(height, 1))  # A window put away has no size.
+        return float(max(width, 1) / max(height, 1))  # A minimised window has the size 0.
 
-    def _wanted(self) -> Camera:
-        return follow_view(self.play.course, self.play.shown, self._aspect)
+    def _target_camera(self) -> Camera:
+        return follow_view(self.mode.course, self.mode.displayed_ball, self._aspect)
 
     def _draw(self) -> None:
-        self._changed = False
-        showing = self._showing
-        frame = self._still() if showing is None else showing.replay.frame(showing.time)
+        self._needs_redraw = False
+        player = self._player
+        frame = self._static_scene() if player is None else player.replay.frame(player.time)
         self.window.draw(self.view.camera, frame)
-        if showing is not None and self.recorder.is_on:
+        if player is not None and self.recorder.is_on:
             self.message = self.recorder.add(self.window) or self.message
 
-    def _write(self) -> None:
-        """Write over a picture that is not yet seen."""
-        self._hud.draw(facts(self))
-        if self._wants_picture:
-            self._wants_picture = False
-            self.say(save_picture())
-            self.log("picture", said=self.message)
+    def _draw_overlay(self) -> None:
+        """Draw the head-up display over a frame that is not displayed yet."""
+        state = hud_state(
+            self.mode, self.aim, self.message, card_shown=self.card_shown, is_recording=self.recorder.is_on
+        )
+        self._hud.draw(state)
+        if self._wants_screenshot:
+            self._wants_screenshot = False
+            self.show_message(save_screenshot())
+            self.log("screenshot", message=self.message)
 
-    def _still(self) -> Frame:
-        """Return the ball where it lies, with what helps to aim."""
-        course, ball = self.play.course, self.play.shown
-        lines, guides = self._ghost, self._guides
+    def _static_scene(self) -> Frame:
+        """Return the scene with the ball at rest and the aiming guides."""
+        course = self.mode.course
+        ball = self.mode.displayed_ball
+        lines = self._hint_path
         if self.aim is not None:
+            guides = self._guides()
             if self.path_shown:
-                lines += guides.dashes(self.play.foresee(self.aim), self.aim)
+                lines += guides.dashes(self.mode.predict_path(self.aim), self.aim)
             lines += guides.arrow(ball, self.aim)
-        return Frame(ball, self._turn, flag_foot(course, ball), lines)
+        return Frame(ball, self._rotation, flag_foot(course, ball), lines)
+
+    def _log_idle(self) -> None:
+        """Log that nothing moves, with the pixel of the ball for programs that move the mouse to it."""
+        width, height = self.window.window.get_size()
+        ball = np.append(self.mode.displayed_ball, 1.0)
+        x, y, _, w = self.view.camera.clip_from_world(width / height) @ ball
+        pixel = [round((x / w + 1.0) * width / 2.0), round((1.0 - y / w) * height / 2.0)]
+        self.log("idle", size=[width, height], ball=pixel, ready=self.is_ready, strokes=self.mode.strokes)

@@ -1,4 +1,7 @@
-"""Bands on the ground that help to aim: the arrow, the way foreseen, a hint's ghost. Numpy only."""
+"""Aiming guides on the ground: the arrow, the predicted path and the path of a hint. Numpy only.
+
+Widths and lengths are in units of the ball's radius, or of MAX_UNIT if that is smaller.
+"""
 
 from __future__ import annotations
 
@@ -13,83 +16,111 @@ from minigolf_env.rendering.scene_state import Color
 
 FloatArray = NDArray[np.float64]
 
-SHORTEST, LONGEST = 6.0, 34.0
-"""Lengths of the arrow at no and at full power, in its unit."""
+MAX_UNIT = 0.045
+"""Largest unit of lengths, m; a larger ball needs no longer arrow."""
 
-GAP, HEAD = 1.6, 4.4
-"""Where the arrow begins, from the ball's centre, and the length of its head, in its unit."""
+MIN_ARROW_LENGTH = 6.0
+"""Length of the arrow at no power, units."""
 
-DASH, SPACE = 2.2, 1.8
-"""Of a way foreseen, in the unit."""
+MAX_ARROW_LENGTH = 34.0
+"""Length of the arrow at full power, units."""
 
-LARGEST_UNIT = 0.045
-"""The unit of bands is the ball's radius, but no more than this: a large ball needs no longer arrow, m."""
+ARROW_START = 1.6
+"""Distance of the arrow's tail from the ball's centre, units."""
 
-MOST_DASHES = 90
+ARROW_HEAD_LENGTH = 4.4
+"""Length and width of the arrow's head, units."""
 
-SUNK = 0.9
-"""Bands lie this much of a radius below the ball's centre."""
+ARROW_SHAFT_WIDTH = 1.5
+"""Width of the arrow's shaft, units."""
 
-GHOST = (0.35, 0.85, 1.0)
-"""Colour of a hint."""
+DASH_LENGTH = 2.2
+"""Length of a dash of the predicted path, units."""
+
+DASH_SPACING = 1.8
+"""Space between two dashes, units."""
+
+DASH_WIDTH = 0.75
+"""Width of a dash, units."""
+
+MAX_DASHES = 90
+"""Largest number of dashes."""
+
+HINT_WIDTH = 1.3
+"""Width of the path of a hint, units."""
+
+NUM_HINT_POINTS = 160
+"""Number of points of the path of a hint."""
+
+HINT_COLOR = (0.35, 0.85, 1.0)
+"""Colour of the path of a hint."""
+
+DEPTH_BELOW_CENTER = 0.9
+"""Depth of the guides below the ball's centre, in radii: they lie just above the ground."""
 
 
-def tint(power: float) -> tuple[float, float, float]:
-    """Return the colour of a power: green, yellow, red."""
+def power_color(power: float) -> tuple[float, float, float]:
+    """Return the colour of a power: green at 0, yellow, red at 1."""
     return colorsys.hsv_to_rgb((1.0 - power) * 0.36, 0.85, 0.95)
 
 
 class Guides:
-    """Draws what helps to aim a ball.
+    """Builds the aiming guides of a ball.
 
     Args:
-        radius: the ball's, m.
-        flying: whether it is thrown, so that bands follow its centre and not the ground below it.
+        radius: the ball's radius, m.
+        flying: True if the ball is thrown; the guides then follow its centre instead of the ground.
     """
 
     def __init__(self, radius: float, flying: bool) -> None:
-        self._unit = min(radius, LARGEST_UNIT)
+        self._unit = min(radius, MAX_UNIT)
         self._flying = flying
-        self._sunk = np.array([0.0, 0.0, 0.0 if flying else SUNK * radius])
+        self._offset = np.array([0.0, 0.0, 0.0 if flying else DEPTH_BELOW_CENTER * radius])
 
     def arrow(self, ball: FloatArray, aim: Aim) -> tuple[Line, ...]:
-        """Return the arrow from the ball (3,) where it is to go, longer and redder with its power."""
-        unit, length = self._unit, self._reach(aim)
-        foot = ball - self._sunk
-        tail, neck, tip = (foot + aim.direction * along for along in (GAP * unit, length - HEAD * unit, length))
-        color = tint(aim.power)
-        shaft = Line(np.stack([tail, neck]), 1.5 * unit, (*color, 0.25), (*color, 0.95))
-        return shaft, Line(np.stack([neck, tip]), 4.4 * unit, (*color, 0.95), (*color, 0.95), taper=0.0)
+        """Return the arrow from the ball (3,) along the aim; more power makes it longer and redder."""
+        unit = self._unit
+        length = self._arrow_length(aim)
+        origin = ball - self._offset
+        distances = (ARROW_START * unit, length - ARROW_HEAD_LENGTH * unit, length)
+        tail, neck, tip = (origin + aim.direction * distance for distance in distances)
+        color = power_color(aim.power)
+        shaft = Line(np.stack([tail, neck]), ARROW_SHAFT_WIDTH * unit, (*color, 0.25), (*color, 0.95))
+        head = Line(np.stack([neck, tip]), ARROW_HEAD_LENGTH * unit, (*color, 0.95), (*color, 0.95), taper=0.0)
+        return shaft, head
 
-    def dashes(self, way: FloatArray, aim: Aim) -> tuple[Line, ...]:
-        """Return the way (K, 3) that an aim leads to, as dashes that fade with the distance."""
-        points, unit = way - self._sunk, self._unit
-        along = _along(points)
-        first = 0.0 if self._flying else self._reach(aim)  # On the ground the arrow lies there.
-        starts = np.arange(first + SPACE * unit, along[-1], (DASH + SPACE) * unit)[:MOST_DASHES]
+    def dashes(self, path: FloatArray, aim: Aim) -> tuple[Line, ...]:
+        """Return the predicted path (K, 3) of an aim as dashes that fade with the distance."""
+        unit = self._unit
+        points = path - self._offset
+        lengths = _arc_lengths(points)
+        start = 0.0 if self._flying else self._arrow_length(aim)  # On the ground the arrow covers the beginning.
+        dash_starts = np.arange(start + DASH_SPACING * unit, lengths[-1], (DASH_LENGTH + DASH_SPACING) * unit)
+        dash_starts = dash_starts[:MAX_DASHES]
         lines = []
-        for k, start in enumerate(starts):
-            ends = np.array([start, min(start + DASH * unit, along[-1])])
-            color: Color = (1.0, 1.0, 1.0, 0.9 - 0.65 * k / max(len(starts), 12))
-            lines.append(Line(_at(points, along, ends), 0.75 * unit, color, color))
+        for k, dash_start in enumerate(dash_starts):
+            ends = np.array([dash_start, min(dash_start + DASH_LENGTH * unit, lengths[-1])])
+            color: Color = (1.0, 1.0, 1.0, 0.9 - 0.65 * k / max(len(dash_starts), 12))
+            lines.append(Line(_points_at(points, lengths, ends), DASH_WIDTH * unit, color, color))
         return tuple(lines)
 
-    def ghost(self, way: FloatArray) -> tuple[Line, ...]:
-        """Return a way (K, 3) as the band of a hint."""
-        points = way - self._sunk
-        along = _along(points)
-        even = _at(points, along, np.linspace(0.0, along[-1], 160))
-        return (Line(even, 1.3 * self._unit, (*GHOST, 0.25), (*GHOST, 0.75)),)
+    def hint_path(self, path: FloatArray) -> tuple[Line, ...]:
+        """Return the path (K, 3) of a hint as a band."""
+        points = path - self._offset
+        lengths = _arc_lengths(points)
+        band = _points_at(points, lengths, np.linspace(0.0, lengths[-1], NUM_HINT_POINTS))
+        return (Line(band, HINT_WIDTH * self._unit, (*HINT_COLOR, 0.25), (*HINT_COLOR, 0.75)),)
 
-    def _reach(self, aim: Aim) -> float:
-        """Return how far from the ball's centre the arrow's head ends, m."""
-        return self._unit * (SHORTEST + (LONGEST - SHORTEST) * aim.power)
+    def _arrow_length(self, aim: Aim) -> float:
+        """Return the distance of the arrow's tip from the ball's centre, m."""
+        return self._unit * (MIN_ARROW_LENGTH + (MAX_ARROW_LENGTH - MIN_ARROW_LENGTH) * aim.power)
 
 
-def _along(points: FloatArray) -> FloatArray:
-    """Return how far along the way points (K, 3) are (K,), m."""
+def _arc_lengths(points: FloatArray) -> FloatArray:
+    """Return the arc lengths (K,), m, of points (K, 3) along their polyline."""
     return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
 
 
-def _at(points: FloatArray, along: FloatArray, distances: FloatArray) -> FloatArray:
-    return np.stack([np.interp(distances, along, points[:, k]) for k in range(3)], axis=-1)
+def _points_at(points: FloatArray, lengths: FloatArray, distances: FloatArray) -> FloatArray:
+    """Return the points (N, 3) at distances (N,) along a polyline."""
+    return np.stack([np.interp(distances, lengths, points[:, k]) for k in range(3)], axis=-1)

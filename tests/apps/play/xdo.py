@@ -1,4 +1,4 @@
-"""A virtual desktop (Xvfb) with the game on it, played by synthetic input (xdotool)."""
+"""The game on a virtual desktop (Xvfb), controlled by synthetic input events (xdotool)."""
 
 from __future__ import annotations
 
@@ -15,35 +15,35 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-TOOLS = ("Xvfb", "xdotool")
-MISSING = [tool for tool in TOOLS if shutil.which(tool) is None]
+REQUIRED_TOOLS = ("Xvfb", "xdotool")
+MISSING_TOOLS = [tool for tool in REQUIRED_TOOLS if shutil.which(tool) is None]
 
-PATIENCE = 180.0
-"""The longest that a slow machine may take for anything, s."""
+TIMEOUT = 180.0
+"""Longest time to wait for an event or for the end of the game, s; for slow machines."""
 
 
 @contextmanager
-def desktop(size: str = "1280x900x24") -> Iterator[str]:
+def virtual_desktop(size: str = "1280x900x24") -> Iterator[str]:
     """Yield the name of a new display."""
-    reading, writing = os.pipe()
-    command = ["Xvfb", "-displayfd", str(writing), "-screen", "0", size, "-nolisten", "tcp"]
-    with subprocess.Popen(command, pass_fds=[writing], stderr=subprocess.DEVNULL) as server:
-        os.close(writing)
+    read_end, write_end = os.pipe()
+    command = ["Xvfb", "-displayfd", str(write_end), "-screen", "0", size, "-nolisten", "tcp"]
+    with subprocess.Popen(command, pass_fds=[write_end], stderr=subprocess.DEVNULL) as server:
+        os.close(write_end)
         try:
-            with os.fdopen(reading) as answer:
+            with os.fdopen(read_end) as answer:
                 yield ":" + answer.readline().strip()
         finally:
             server.terminate()
 
 
-class Player:
-    """A running game, and a hand on its mouse and keys.
+class GameDriver:
+    """A running game with synthetic mouse and keyboard events.
 
     Args:
-        display: where it is shown.
-        folder: its present folder, and where its scores are kept.
-        arguments: of ``minigolf play``.
-        environment: more environment variables.
+        display: name of the X display.
+        folder: current folder of the game; also holds its scores.
+        arguments: arguments of ``minigolf play``.
+        environment: additional environment variables.
     """
 
     def __init__(self, display: str, folder: Path, *arguments: str, **environment: str) -> None:
@@ -56,13 +56,13 @@ class Player:
         self.process = subprocess.Popen(
             command, cwd=folder, env=self._environment, stdout=subprocess.PIPE, stderr=self._errors, text=True
         )
-        self._events: queue.Queue[dict[str, Any]] = queue.Queue()
-        self.seen: list[dict[str, Any]] = []
-        """Events so far."""
+        self._queue: queue.Queue[dict[str, Any]] = queue.Queue()
+        self.events: list[dict[str, Any]] = []
+        """Events received so far."""
         self._listener = threading.Thread(target=self._listen)
         self._listener.start()
 
-    def __enter__(self) -> Player:
+    def __enter__(self) -> GameDriver:
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -71,66 +71,63 @@ class Player:
         self._listener.join()
         self._errors.close()
 
-    def wait(self, event: str, **facts: Any) -> dict[str, Any]:
-        """Return the next event of a name and with some facts; others are passed over."""
-        deadline = time.monotonic() + PATIENCE
-        while (time.monotonic() < deadline and self.process.poll() is None) or not self._events.empty():
+    def wait(self, event: str, **fields: Any) -> dict[str, Any]:
+        """Return the next event with a name and some fields; skip all others."""
+        deadline = time.monotonic() + TIMEOUT
+        while (time.monotonic() < deadline and self.process.poll() is None) or not self._queue.empty():
             try:
-                got = self._events.get(timeout=1.0)
+                received = self._queue.get(timeout=1.0)
             except queue.Empty:
                 continue
-            self.seen.append(got)
-            if got["event"] == event and all(got.get(name) == value for name, value in facts.items()):
-                return got
-        raise AssertionError(f"no {event} {facts} in {self.seen[-20:]}; the game says: {self.errors()}")
+            self.events.append(received)
+            if received["event"] == event and all(received.get(name) == value for name, value in fields.items()):
+                return received
+        raise AssertionError(f"no {event} {fields} in {self.events[-20:]}; stderr: {self.errors()}")
 
-    def do(self, *words: object) -> None:
-        """Run an xdotool command."""
-        self._xdotool(*map(str, words))
+    def xdotool(self, *arguments: object) -> str:
+        """Run an xdotool command and return its output."""
+        command = [str(shutil.which("xdotool")), *map(str, arguments)]
+        return subprocess.run(command, env=self._environment, check=True, capture_output=True, text=True).stdout
 
-    def key(self, *keys: str) -> None:
-        """Press keys, one after the other."""
-        self.do("key", *keys)
+    def press(self, *keys: str) -> None:
+        """Press keys one after another."""
+        self.xdotool("key", *keys)
 
     def move(self, x: float, y: float) -> None:
-        """Move the mouse to a place on the screen, from which the window's left upper corner is the origin."""
-        self.do("mousemove", int(x), int(y))
+        """Move the mouse to a pixel of the screen; (0, 0) is the upper left corner of screen and window."""
+        self.xdotool("mousemove", int(x), int(y))
 
-    def window(self) -> str:
-        """Return the window's number."""
-        return self._xdotool("search", "--name", "minigolf").split()[0]
+    def window_id(self) -> str:
+        """Return the X id of the window."""
+        return self.xdotool("search", "--name", "minigolf").split()[0]
 
     def close(self) -> None:
         """Ask the window to close, as a window manager does."""
         from pyglet.libs.x11 import xlib
 
-        server = xlib.XOpenDisplay(self._display.encode())
+        connection = xlib.XOpenDisplay(self._display.encode())
         event = xlib.XEvent()
-        event.xclient.type, event.xclient.window, event.xclient.format = xlib.ClientMessage, int(self.window()), 32
-        event.xclient.message_type = xlib.XInternAtom(server, b"WM_PROTOCOLS", False)
-        event.xclient.data.l[0] = xlib.XInternAtom(server, b"WM_DELETE_WINDOW", False)
-        xlib.XSendEvent(server, event.xclient.window, False, 0, event)
-        xlib.XCloseDisplay(server)
+        event.xclient.type, event.xclient.window, event.xclient.format = xlib.ClientMessage, int(self.window_id()), 32
+        event.xclient.message_type = xlib.XInternAtom(connection, b"WM_PROTOCOLS", False)
+        event.xclient.data.l[0] = xlib.XInternAtom(connection, b"WM_DELETE_WINDOW", False)
+        xlib.XSendEvent(connection, event.xclient.window, False, 0, event)
+        xlib.XCloseDisplay(connection)
 
-    def cpu(self) -> float:
-        """Return the processor time that the game has taken, s."""
+    def cpu_seconds(self) -> float:
+        """Return the CPU time that the game has used, s."""
         user, system = Path(f"/proc/{self.process.pid}/stat").read_text().rsplit(")", 1)[1].split()[11:13]
         return (int(user) + int(system)) / os.sysconf("SC_CLK_TCK")
 
-    def ended(self) -> int:
+    def exit_code(self) -> int:
         """Wait for the end of the game and return its exit code."""
-        return self.process.wait(PATIENCE)
+        return self.process.wait(TIMEOUT)
 
     def errors(self) -> str:
-        """Return what the game has said on stderr."""
+        """Return the game's output on stderr."""
         return Path(self._errors.name).read_text()
-
-    def _xdotool(self, *words: str) -> str:
-        command = [str(shutil.which("xdotool")), *words]
-        return subprocess.run(command, env=self._environment, check=True, capture_output=True, text=True).stdout
 
     def _listen(self) -> None:
         assert self.process.stdout is not None
         with self.process.stdout as lines:
             for line in lines:
-                self._events.put(json.loads(line))
+                self._queue.put(json.loads(line))
