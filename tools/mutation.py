@@ -110,7 +110,7 @@ def variants(node: ast.AST, field: str) -> Iterator[ast.AST]:
         case ast.Constant(value=bool(value)):
             yield ast.Constant(not value)
         case ast.Constant(value=int(value) | float(value)):
-            yield ast.Constant(2 * value or 1)
+            yield ast.Constant(2 * value or type(value)(1))
         case ast.Name(id=name) if name in NAME_SWAPS:
             yield ast.Name(NAME_SWAPS[name])
         case ast.Attribute(value=owner, attr=name) if name in NAME_SWAPS:

@@ -1,8 +1,8 @@
-"""Does any ball get into a wall or out of a room? Run: python -m tools.soak (make soak).
+"""Search for balls that penetrate a wall or escape from a room. Run: python -m tools.soak (make soak).
 
-Throws balls about in random rooms, every one again from where it ended, looks at every single step, and prints what was
-found: escapes, the deepest clearance, steps that lost time, and how many pieces the steps had. Each fault comes with
-the line that shows it again. Ends with an error if there was one.
+Balls are thrown in random rooms, each again from where it came to rest, and every time step is checked. The report has
+the number of escapes, the smallest clearance, the number of steps that lost time, and the distribution of sub-steps a
+step. Each fault comes with the code that reproduces it. The program ends with an error if there was a fault.
 """
 
 from __future__ import annotations
@@ -24,17 +24,20 @@ import tyro
 from minigolf_env.physics import Shot, World
 from tests.physics.scenes import FloatArray, box, free_starts, mesh, random_room, random_surface, turns_right
 
-GUARANTEE = -1e-12
-"""What the clearance never falls below, as a share of the world's scale."""
+MIN_CLEARANCE = -1e-12
+"""Guaranteed lower bound of the clearance, relative to the world's scale."""
 
-SPEEDS = (0.0, 0.01, 0.3, 1.0, 10.0, 30.0)
-"""Of throws, m/s: from put down to half a metre a step."""
+THROW_SPEEDS = (0.0, 0.01, 0.3, 1.0, 10.0, 30.0)
+"""Speeds of throws, m/s: from zero to half a metre a step."""
 
-BALLS, THROWS, STEPS = 8, 6, 500
-"""In each room, of each ball, and at most after each throw."""
+BALLS_PER_ROOM = 8
 
-ROUND = 64
-"""Rooms handed to the processes before the steps are counted again."""
+THROWS_PER_BALL = 6
+
+MAX_STEPS_PER_THROW = 500
+
+ROOMS_PER_ROUND = 64
+"""Number of rooms given to the processes before the steps are counted again."""
 
 
 @dataclass(frozen=True)
@@ -42,23 +45,24 @@ class Args:
     """The command line."""
 
     steps: int = 10**8
-    """Time steps to make, at least."""
+    """Minimum number of time steps."""
     seed: int = 0
-    """Number of the first room; one room's steps are the same whatever the others."""
+    """RNG seed of the first room; the next rooms have the next seeds."""
     processes: int = os.cpu_count() or 1
+    """Number of processes."""
 
 
 class Room(NamedTuple):
-    """A world with what a ball in it cannot cross."""
+    """A world, and the walls that a ball in it cannot cross."""
 
     world: World
     frame: FloatArray
-    """(3, 3): the unit cube around the z axis that it turns and scales is the room."""
+    """Matrix (3, 3) that maps the unit cube around the z axis to the room."""
     wall: float | None
-    """Where on the frame's first axis a wall parts the room; None without one."""
+    """Coordinate, along the frame's first axis, of a wall that divides the room; None: no wall."""
 
     def sides(self, points: FloatArray) -> FloatArray:
-        """Return for points (N, 3) in which part of the room they are: -1 or 1, and nan outside of it."""
+        """Return the side of the wall on which points (N, 3) are: -1 or 1, and NaN outside the room."""
         unit = points @ np.linalg.inv(self.frame).T
         inside = (np.abs(unit[:, :2]) <= 0.5).all(axis=1) & (np.abs(unit[:, 2] - 0.5) <= 0.5)
         return np.where(inside, np.sign(unit[:, 0] - (-1.0 if self.wall is None else self.wall)), np.nan)
@@ -66,106 +70,109 @@ class Room(NamedTuple):
 
 @dataclass
 class Tally:
-    """What was seen."""
+    """Counts over all steps of some rooms."""
 
     rooms: int = 0
     steps: int = 0
     bounces: int = 0
     escapes: int = 0
     exhausted: int = 0
-    deepest: float = np.inf
+    min_clearance: float = np.inf
+    """Smallest clearance of a ball, relative to the world's scale."""
     sub_steps: Counter[int] = field(default_factory=Counter)
+    """Number of steps by their number of sub-steps."""
     faults: list[str] = field(default_factory=list)
+    """One text a fault, with the code that reproduces it."""
 
     def add(self, other: Tally) -> None:
-        """Add what was seen elsewhere."""
+        """Add the counts of other rooms."""
         for name in ("rooms", "steps", "bounces", "escapes", "exhausted", "sub_steps", "faults"):
             setattr(self, name, getattr(self, name) + getattr(other, name))
-        self.deepest = min(self.deepest, other.deepest)
+        self.min_clearance = min(self.min_clearance, other.min_clearance)
 
     def __str__(self) -> str:
         """Return the report."""
         lines = [f"{self.steps:,} steps in {self.rooms:,} rooms, {self.bounces:,} bounces"]
-        lines += [f"escapes {self.escapes}, exhausted {self.exhausted}, clearance >= {self.deepest:.2e} x scale"]
+        lines += [f"escapes {self.escapes}, exhausted {self.exhausted}, clearance >= {self.min_clearance:.2e} x scale"]
         total = sum(self.sub_steps.values())
         lines += [f"{n:3} sub-steps: {count:14,}  {count / total:.1e}" for n, count in sorted(self.sub_steps.items())]
         return "\n".join([*lines, *self.faults])
 
 
 def build_room(seed: int) -> Room:
-    """Return room number ``seed``: in half of them a wall of 1 cm, standing askew or not, parts the room."""
+    """Return the random room of an RNG seed; a wall of 1 cm divides half of the rooms."""
     rng = np.random.default_rng(seed)
     world, frame = random_room(rng)
     if rng.random() < 0.5:
         return Room(world, frame, None)
     size = float(np.linalg.norm(frame[:, 0]))
-    at = rng.uniform(-0.3, 0.3)
-    slab = box([at * size - 0.005, -size, -size], [at * size + 0.005, size, 2 * size])
-    parted = [*world.meshes, mesh(slab, random_surface(rng), frame / size)]
-    return Room(World(parted, world.ball_radius, world.gravity, world.dt, world.impact), frame, at)
+    wall = rng.uniform(-0.3, 0.3)
+    slab = box([wall * size - 0.005, -size, -size], [wall * size + 0.005, size, 2 * size])
+    meshes = [*world.meshes, mesh(slab, random_surface(rng), frame / size)]
+    return Room(World(meshes, world.ball_radius, world.gravity, world.dt, world.impact), frame, wall)
 
 
-def sub_steps(shot: Shot) -> Counter[int]:
-    """Return how many steps of a recorded run had how many pieces; nothing as long as runs do not record that."""
-    return Counter(getattr(shot, "sub_steps", np.empty(0, int)).tolist())
-
-
-def throws(room: Room, rng: np.random.Generator) -> Iterator[tuple[FloatArray, FloatArray, Shot]]:
-    """Throw balls from free places, each again from where it ended; give position, velocity and what became of it."""
-    for p in free_starts(rng, room.world, room.frame, 4 * BALLS)[:BALLS]:
-        for _ in range(THROWS):
+def throw_balls(room: Room, rng: np.random.Generator) -> Iterator[tuple[FloatArray, FloatArray, Shot]]:
+    """Throw balls from free places, each again from where it ended; yield position, velocity and recorded shot."""
+    for p in free_starts(rng, room.world, room.frame, 4 * BALLS_PER_ROOM)[:BALLS_PER_ROOM]:
+        for _ in range(THROWS_PER_BALL):
             v = rng.normal(size=3)
-            v *= rng.choice(SPEEDS) / np.linalg.norm(v)
-            shot = room.world.simulate(p, v, max_time=STEPS * room.world.dt, record=True)
+            v *= rng.choice(THROW_SPEEDS) / np.linalg.norm(v)
+            shot = room.world.simulate(p, v, max_time=MAX_STEPS_PER_THROW * room.world.dt, record=True)
             yield p, v, shot
             p = shot.position
 
 
 def soak_room(seed: int) -> Tally:
-    """Throw balls in room number ``seed`` and look at every step."""
+    """Throw balls in the room of an RNG seed and check every step; stop at the first fault."""
     numba.set_num_threads(1)
     room = build_room(seed)
     tally = Tally(rooms=1)
-    for p, v, shot in throws(room, np.random.default_rng([seed, 1])):
-        assert shot.path is not None
+    for p, v, shot in throw_balls(room, np.random.default_rng([seed, 1])):
+        assert shot.path is not None and shot.sub_steps is not None
+        # Check each position of the path.
         clearances = room.world.clearance(shot.path) / room.world.scale
         sides = room.sides(shot.path)
-        astray = (sides != sides[0]) | ~np.isfinite(shot.velocity).all()
-        # In a solid the clearance is positive again: where the run ends, count how often the meshes go round the ball.
-        escaped = bool(astray.any()) or not turns_right(room.world, shot.position)
+        crossed = (sides != sides[0]) | ~np.isfinite(shot.velocity).all()
+        # Inside a solid the clearance is positive again, so check the winding number at the end.
+        escaped = bool(crossed.any()) or not turns_right(room.world, shot.position)
+        # Count.
         tally.steps += len(shot.path) - 1
         tally.bounces += shot.bounces
         tally.escapes += escaped
         tally.exhausted += shot.exhausted
-        tally.deepest = min(tally.deepest, float(clearances.min()))
-        tally.sub_steps += sub_steps(shot)
-        if escaped or shot.exhausted or not clearances.min() >= GUARANTEE:
-            first = int(np.argmax(astray if astray.any() else clearances < GUARANTEE))
+        tally.min_clearance = min(tally.min_clearance, float(clearances.min()))
+        tally.sub_steps.update(shot.sub_steps.tolist())
+        # Report a fault; the ball's position is then no valid start of the next throw.
+        if escaped or shot.exhausted or not clearances.min() >= MIN_CLEARANCE:
+            first = int(np.argmax(crossed if crossed.any() else clearances < MIN_CLEARANCE))
+            max_time = f"{MAX_STEPS_PER_THROW} * world.dt"
             tally.faults.append(
                 f"room {seed}: {escaped=}, {shot.exhausted=}, clearance {clearances.min():.2e} x scale, step {first}:\n"
                 f"    from tools.soak import build_room; world = build_room({seed}).world\n"
-                f"    world.simulate({p.tolist()}, {v.tolist()}, max_time={STEPS} * world.dt, record=True)"
+                f"    world.simulate({p.tolist()}, {v.tolist()}, max_time={max_time}, record=True)"
             )
-            break  # Wherever this ball is now, the next would start from there.
+            break
     return tally
 
 
-def soak(args: Args, run: Callable[[Callable[[int], Tally], range], Iterator[Tally]]) -> Tally:
-    """Go through rooms with ``run`` (as the built-in map) until there are enough steps."""
-    total, began = Tally(), time.perf_counter()
+def soak(args: Args, map_rooms: Callable[[Callable[[int], Tally], range], Iterator[Tally]]) -> Tally:
+    """Check rooms until there are enough steps; ``map_rooms`` has the interface of the built-in map."""
+    total = Tally()
+    start = time.perf_counter()
     while total.steps < args.steps:
         first = args.seed + total.rooms
-        for tally in run(soak_room, range(first, first + ROUND)):
+        for tally in map_rooms(soak_room, range(first, first + ROOMS_PER_ROUND)):
             total.add(tally)
-        rate = total.steps / (time.perf_counter() - began)
+        rate = total.steps / (time.perf_counter() - start)
         print(f"\r{total.steps:,} steps, {rate:,.0f} a second, {len(total.faults)} faults ", end="", file=sys.stderr)
     print(file=sys.stderr)
     return total
 
 
 def main(args: Args) -> int:
-    """Soak on all cores, print the report; return 1 if there was a fault."""
-    soak_room(args.seed)  # Compiles once, before the processes start.
+    """Check rooms in several processes and print the report; return 1 if there was a fault."""
+    soak_room(args.seed)  # Compile before the processes start.
     pool: Executor
     with ProcessPoolExecutor(args.processes, mp_context=get_context("spawn")) as pool:
         total = soak(args, pool.map)
