@@ -139,8 +139,12 @@ def draw_mutants(modules: list[Path], sample: int, seed: int) -> Iterator[tuple[
 
 
 def select_tests(module: Path) -> list[str]:
-    """Return the tests that run on a module's mutants: first those named after it, then those of its package."""
-    package = module.relative_to(ROOT / "minigolf_env").parts[0]
+    """Return the tests for a module's mutants: first those named after it, then those of its package.
+
+    Args:
+        module: path relative to the repository.
+    """
+    package = module.parts[1]
     candidates = (f"tests/{package}/test_{module.stem}.py", f"tests/test_{package}.py", f"tests/{package}")
     return [name for name in candidates if (ROOT / name).exists()] or ["tests"]
 
@@ -196,38 +200,35 @@ def difference(old: str, new: str) -> str:
 
 def main(args: Args) -> int:
     """Test a sample of mutants and print the survivors; return 1 if the tests fail on the intact package."""
-    modules = [file for name in args.module for file in modules_in(ROOT / "minigolf_env" / name)]
     time_limits: dict[str, float] = {}
-    survivors = 0
-    mutants = 0
+    failures: list[str] = []
     with tempfile.TemporaryDirectory() as folder:
         copy = Path(folder)
         for name in COPIED_FOLDERS:
             shutil.copytree(ROOT / name, copy / name, ignore=shutil.ignore_patterns("__pycache__"))
         for name in COPIED_FILES:
             shutil.copy(ROOT / name, copy)
-        for module, source in draw_mutants(modules, args.sample, args.seed):
-            name = module.relative_to(ROOT).as_posix()
-            tests = select_tests(module)
+        modules = [file for name in args.module for file in modules_in(copy / "minigolf_env" / name)]
+        for module, mutant in draw_mutants(modules, args.sample, args.seed):
+            source = module.read_text()
+            tests = select_tests(module.relative_to(copy))
             # Measure the tests of a package once, on the intact package.
             if tests[-1] not in time_limits:
                 start = time.perf_counter()
-                failure = first_failure(copy, tests[-1:])
-                if failure:
+                if failure := first_failure(copy, tests[-1:]):
                     print(f"The tests fail on the intact package: {failure}", file=sys.stderr)
                     return 1
                 time_limits[tests[-1]] = 60.0 + 3.0 * (time.perf_counter() - start)
             # Test the mutant, then restore the module.
-            (copy / name).write_text(source)
+            module.write_text(mutant)
             start = time.perf_counter()
-            failure = first_failure(copy, tests, time_limits[tests[-1]])
+            failures.append(first_failure(copy, tests, time_limits[tests[-1]]))
             seconds = time.perf_counter() - start
-            (copy / name).write_text(module.read_text())
-            mutants += 1
-            survivors += not failure
-            print(f"{'killed by ' + failure if failure else 'SURVIVED'} ({seconds:.0f} s)")
-            print(f"    {name} {difference(module.read_text(), source)}".replace("\n", "\n    "), flush=True)
-    print(f"{mutants - survivors} of {mutants} mutants noticed")
+            module.write_text(source)
+            print(f"{'killed by ' + failures[-1] if failures[-1] else 'SURVIVED'} ({seconds:.0f} s)")
+            changes = f"{module.relative_to(copy).as_posix()} {difference(source, mutant)}"
+            print("    " + changes.replace("\n", "\n    "), flush=True)
+    print(f"{sum(map(bool, failures))} of {len(failures)} mutants noticed")
     return 0
 
 
