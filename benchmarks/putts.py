@@ -54,7 +54,7 @@ def main(args: Args) -> None:
             lies = rng.permutation(lies)[: args.lies]
             holed = f", holed {in_cup.mean():.2%}, stuck {stuck(task, lies)} of {len(lies)} lies"
         ends = {status.name.lower(): int((np.asarray(shots.status) == status).sum()) for status in Status}
-        clearance = world.clearance(shots.position).min() / world.scale
+        clearance = world.clearance(shots.position).min() / world.coordinate_scale
         print(f"{name}: {args.putts:,} putts, {ends}, exhausted {np.sum(shots.exhausted)}{holed}", end=", ")
         print(f"clearance >= {clearance:.1e} x scale, {args.putts / seconds:,.0f} putts/s")
 

@@ -44,7 +44,7 @@ class Watched:
         self.putts += len(positions)
         self.late += int((np.asarray(shot.status) == Status.TIME_LIMIT).sum())
         self.exhausted += int(np.asarray(shot.exhausted).sum())
-        self.inside += int((self._world.clearance(shot.position) < -DEEP * self._world.scale).sum())
+        self.inside += int((self._world.clearance(shot.position) < -DEEP * self._world.coordinate_scale).sum())
         return shot
 
     def __getattr__(self, name: str) -> Any:

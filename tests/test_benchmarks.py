@@ -42,12 +42,12 @@ def test_scenes_have_free_tees_and_free_points(name: str) -> None:
     scene = {**SCENES, **small}[name]()
     world, rng = scene.world(), np.random.default_rng(0)
     places, velocities = scene.putts(rng, 50)
-    assert np.abs(world.clearance(places)).max() < 1e-12 * world.scale
+    assert np.abs(world.clearance(places)).max() < 1e-12 * world.coordinate_scale
     assert (velocities[:, 2] == 0.0).all() and (places[:, 2] == scene.level + RADIUS).all()
     points = scene.free_points(rng, 20)
     assert len(points) == 20
     for point in (*places[:5], *points):
-        world.require_free(point)
+        world.check_collision_free(point)
 
 
 def test_speed_prints_its_tables_and_stores_its_rates(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from minigolf_env.physics import parallel
+from minigolf_env.physics import thread_pool
 from tests.physics import golden
 from tools import determinism
 from tools.determinism import (
@@ -55,7 +55,7 @@ def test_episodes_have_the_stored_hashes(kind: str, batch: int, threads: int, mo
     stored = load_stored_hashes()[ENV_ID]
     if hash_math_functions() != stored["machine"]["sines"]:
         pytest.skip("the last bits of this machine's sine differ from those of the machine that stored the hashes")
-    monkeypatch.setattr(parallel, "_number", lambda: threads)
+    monkeypatch.setattr(thread_pool, "_num_threads", lambda: threads)
     assert combine_digests(episode_digests(kind, TESTED_EPISODES, batch)) == stored["first"][kind], HINT
 
 

@@ -79,14 +79,14 @@ class Tally:
     exhausted: int = 0
     min_clearance: float = np.inf
     """Smallest clearance of a ball, relative to the world's scale."""
-    sub_steps: Counter[int] = field(default_factory=Counter)
+    num_substeps: Counter[int] = field(default_factory=Counter)
     """Number of steps by their number of sub-steps."""
     faults: list[str] = field(default_factory=list)
     """One text a fault, with the code that reproduces it."""
 
     def add(self, other: Tally) -> None:
         """Add the counts of other rooms."""
-        for name in ("rooms", "steps", "bounces", "escapes", "exhausted", "sub_steps", "faults"):
+        for name in ("rooms", "steps", "bounces", "escapes", "exhausted", "num_substeps", "faults"):
             setattr(self, name, getattr(self, name) + getattr(other, name))
         self.min_clearance = min(self.min_clearance, other.min_clearance)
 
@@ -94,8 +94,10 @@ class Tally:
         """Return the report."""
         lines = [f"{self.steps:,} steps in {self.rooms:,} rooms, {self.bounces:,} bounces"]
         lines += [f"escapes {self.escapes}, exhausted {self.exhausted}, clearance >= {self.min_clearance:.2e} x scale"]
-        total = sum(self.sub_steps.values())
-        lines += [f"{n:3} sub-steps: {count:14,}  {count / total:.1e}" for n, count in sorted(self.sub_steps.items())]
+        total = sum(self.num_substeps.values())
+        lines += [
+            f"{n:3} sub-steps: {count:14,}  {count / total:.1e}" for n, count in sorted(self.num_substeps.items())
+        ]
         return "\n".join([*lines, *self.faults])
 
 
@@ -129,9 +131,9 @@ def soak_room(seed: int) -> Tally:
     room = build_room(seed)
     tally = Tally(rooms=1)
     for p, v, shot in throw_balls(room, np.random.default_rng([seed, 1])):
-        assert shot.path is not None and shot.sub_steps is not None
+        assert shot.path is not None and shot.num_substeps is not None
         # Check each position of the path.
-        clearances = room.world.clearance(shot.path) / room.world.scale
+        clearances = room.world.clearance(shot.path) / room.world.coordinate_scale
         sides = room.sides(shot.path)
         crossed = (sides != sides[0]) | ~np.isfinite(shot.velocity).all()
         # Inside a solid the clearance is positive again, so check the winding number at the end.
@@ -142,7 +144,7 @@ def soak_room(seed: int) -> Tally:
         tally.escapes += escaped
         tally.exhausted += shot.exhausted
         tally.min_clearance = min(tally.min_clearance, float(clearances.min()))
-        tally.sub_steps.update(shot.sub_steps.tolist())
+        tally.num_substeps.update(shot.num_substeps.tolist())
         # Report a fault; the ball's position is then no valid start of the next throw.
         if escaped or shot.exhausted or not clearances.min() >= MIN_CLEARANCE:
             first = int(np.argmax(crossed if crossed.any() else clearances < MIN_CLEARANCE))

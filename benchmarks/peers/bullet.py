@@ -46,7 +46,7 @@ class Bullet(Engine):
             self._add(shape, SCENERY, SCENERY | BALLS, mass=0.0, restitution=1.0, lateralFriction=1.0)
         shape = pybullet.createCollisionShape(pybullet.GEOM_SPHERE, radius=RADIUS, physicsClientId=self.client)
         ball = {
-            "restitution": scene.surface.normal_share,
+            "restitution": scene.surface.normal_restitution,
             "lateralFriction": scene.surface.rolling,
             "mass": 1.0,
             "localInertiaDiagonal": (0.0, 0.0, 0.0),  # To Bullet 0 means infinite: the ball cannot turn.

@@ -27,7 +27,7 @@ class Mujoco(Engine):
         spec.default.geom.friction = (scene.surface.rolling, 0.0, 0.0)
         # Restitution is a damper that turns an approach at v into a departure at e v within one step. It does so only
         # with contacts as hard as can be and a round friction cone: at the defaults 0.7 becomes 0.8, and 1 explodes.
-        spec.default.geom.solref = (-1.0, -(1.0 + scene.surface.normal_share) / dt)
+        spec.default.geom.solref = (-1.0, -(1.0 + scene.surface.normal_restitution) / dt)
         spec.default.geom.solimp = (0.9999, 0.9999, 0.001, 0.5, 2.0)
         spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
         _add_scenery(spec, scene)

@@ -27,7 +27,10 @@ class Rapier(Engine):
         self.world.set_num_threads(1)
         self.world.integration_parameters.dt = dt
         surface = scene.surface
-        material = {"restitution": surface.normal_share, "friction": surface.rolling}  # The mean of the two bodies'.
+        material = {
+            "restitution": surface.normal_restitution,
+            "friction": surface.rolling,
+        }  # The mean of the two bodies'.
         room, *others = scene.bodies
         for vertices, faces in [*_sides(room), *((body.vertices, body.faces) for body in others)]:
             mesh = rp.Collider.trimesh(vertices, faces, **material)

@@ -158,7 +158,7 @@ def _cup(cup: Cup, world: World) -> Iterator[str]:
     x, y, rim = cup.position
     over = rim + world.ball_radius
     try:
-        world.require_free((x, y, over))
+        world.check_collision_free((x, y, over))
     except ValueError as error:
         yield f"cup: expected free space over it; {error}"
         return

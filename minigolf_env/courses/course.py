@@ -176,7 +176,7 @@ class Course:
             bounds=self.bounds,
         )
         with faults_of(f"course {self.name!r}"):
-            world.require_free(sorted(set(self._places())))
+            world.check_collision_free(sorted(set(self._places())))
         return world
 
     def _places(self) -> Iterator[Point3]:

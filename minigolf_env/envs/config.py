@@ -21,7 +21,7 @@ from minigolf_env.envs.observations import OBSERVATIONS, ObservationType
 from minigolf_env.envs.samplers import LevelSampler, SequentialTasks, SingleTask, TaskSampler
 from minigolf_env.envs.task import REWARDS, FloatArray, Task
 from minigolf_env.physics import World
-from minigolf_env.physics.world import IMPACTS
+from minigolf_env.physics.world import IMPACT_MODELS
 from minigolf_env.rendering import CAMERAS, PROFILES, Settings, check_size
 
 TEE_CHOICES = ("random", "fixed")
@@ -153,7 +153,9 @@ def build_task(
     return Task(
         courses=(golf,),
         params=HoleParams.from_course(golf, speed),
-        world=_world(golf, positive_number(dt, "dt", "1/120 s suits minigolf."), one_of(impact, IMPACTS, "impact")),
+        world=_world(
+            golf, positive_number(dt, "dt", "1/120 s suits minigolf."), one_of(impact, IMPACT_MODELS, "impact")
+        ),
         reward=one_of(reward, REWARDS, "reward"),
         max_strokes=integer(max_strokes, "max_strokes", 1),
         random_tee=one_of(tee, TEE_CHOICES, "tee") == "random",
@@ -198,7 +200,7 @@ def check_position(task: Task, position: ArrayLike) -> FloatArray:
 
 def check_positions(task: Task, balls: FloatArray) -> None:
     """Raise a ValueError unless balls (3,) or (N, 3) can lie there: in free space within the bounds."""
-    task.world.require_free(balls)
+    task.world.check_collision_free(balls)
     lower, upper = np.asarray(task.course.bounds)
     outside = ((balls < lower) | (balls > upper)).any(axis=-1)
     if outside.any():

@@ -1,8 +1,8 @@
-"""Many balls at once, on all threads: in one compiled world, or each in its own.
+"""Many balls at once, on all threads: in one compiled scene, or each in its own.
 
-The rows of a batch are shared out evenly among the scenes, in their order: N rows and M scenes give each scene N / M
-consecutive rows. Threads get runs of rows, so that they are busy whether the balls share a world or not; what a scene's
-rows come to is the same bits either way.
+The rows of a batch are divided evenly among the scenes, in order: with N rows and M scenes, each scene has N / M
+consecutive rows. Threads get chunks of rows, so that all are busy whether the balls share a scene or not; the results
+are the same bits either way. Arguments have been validated by the public API.
 """
 
 from __future__ import annotations
@@ -14,72 +14,133 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minigolf_env.physics import step as kernels
-from minigolf_env.physics.candidate_cache import forget
-from minigolf_env.physics.jit import announced_compilation
-from minigolf_env.physics.parallel import in_parallel
-from minigolf_env.physics.traversal import new_walk
-from minigolf_env.physics.types import RESULT, TOLERANCE, FloatArray, RecordArray, Scene, Shot
+from minigolf_env.physics.candidate_cache import invalidate
+from minigolf_env.physics.jit import notify_if_compiling
+from minigolf_env.physics.thread_pool import parallel_for
+from minigolf_env.physics.traversal import new_traversal
+from minigolf_env.physics.types import (
+    IMPACT_DTYPE,
+    RELATIVE_TOLERANCE,
+    RESULT_DTYPE,
+    CompiledScene,
+    FloatArray,
+    RecordArray,
+    Shot,
+    Status,
+)
 
-FEW = 64
-"""Distances that are found sooner than threads are started."""
+MAX_SERIAL_QUERIES = 64
+"""Maximum number of distance queries that take less time than starting threads."""
 
-NO_PATH, NO_LOG = np.empty((0, 4)), np.empty((0, 8))
+MIN_RECORD_SIZE = 512
+"""Initial number of rows of a recorded run's path (4 s at 1/120 s) and of its log of bounces."""
+
+NO_PATH = np.empty((0, 4))
+"""A path without rows: ``simulate_range`` does not record the run."""
+
+NO_LOG = np.empty((0, 8))
+"""A log without rows: bounces are not recorded."""
 
 
 def simulate_rows(
-    scenes: Sequence[Scene], positions: FloatArray, velocities: FloatArray, steps: int
+    scenes: Sequence[CompiledScene], positions: FloatArray, velocities: FloatArray, max_steps: int
 ) -> NDArray[np.void]:
-    """Run balls (N, 3) to their end, in place; return records (N,) of RESULT."""
-    results: RecordArray = np.empty(len(positions), RESULT)
+    """Run balls (N, 3) to their end, in place; return records (N,) of RESULT_DTYPE."""
+    results: RecordArray = np.zeros(len(positions), RESULT_DTYPE)
     balls = kernels.Balls(positions, velocities, results)
 
     def run(first: int, last: int) -> None:
         scratch = kernels.new_scratch()
-        for a, b, scene in _spans(scenes, len(positions), first, last):
-            forget(scratch.near.cylinder)
-            kernels.simulate_range(a, b, scene, scratch, steps, balls, NO_PATH, NO_LOG)
+        for begin, end, scene in _runs_per_scene(scenes, len(positions), first, last):
+            invalidate(scratch.cache.state)
+            kernels.simulate_range(begin, end, scene, scratch, max_steps, balls, NO_PATH, NO_LOG)
 
-    with announced_compilation("simulate"):
-        in_parallel(run, len(positions))
+    with notify_if_compiling("simulate"):
+        parallel_for(run, len(positions))
     return results
 
 
+def simulate_recorded(scene: CompiledScene, position: FloatArray, velocity: FloatArray, max_steps: int) -> Shot:
+    """Run one ball from position (3,) with velocity (3,) to its end; return a Shot with its record.
+
+    The run is simulated once. It is suspended when the record is full, and resumes with a record twice as large.
+    """
+    balls = kernels.Balls(position[None].copy(), velocity[None].copy(), np.zeros(1, RESULT_DTYPE))
+    scratch = kernels.new_scratch()
+    path = np.empty((MIN_RECORD_SIZE, 4))
+    log = np.empty((MIN_RECORD_SIZE, 8))
+    path[0, :3] = position
+    is_complete = False
+    with notify_if_compiling("simulate"):
+        while not is_complete:
+            kernels.simulate_range(0, 1, scene, scratch, max_steps, balls, path, log)
+            time, status, steps, bounces, exhausted = balls.results[0].tolist()
+            is_complete = status != Status.TIME_LIMIT or steps == max_steps
+            if not is_complete:
+                path = np.concatenate([path, np.empty_like(path)])
+                log = np.concatenate([log, np.empty_like(log)])
+
+    impacts = np.empty(bounces, IMPACT_DTYPE)
+    impacts["time"] = log[:bounces, 0]
+    impacts["position"] = log[:bounces, 1:4]
+    impacts["normal"] = log[:bounces, 4:7]
+    impacts["triangle"] = log[:bounces, 7]
+    return Shot(
+        balls.positions[0],
+        balls.velocities[0],
+        Status(status),
+        time,
+        bounces,
+        exhausted,
+        path=path[: steps + 1, :3].copy(),
+        times=np.append(np.arange(steps) * scene.dt, time),
+        impacts=impacts,
+        num_substeps=path[1 : steps + 1, 3].astype(np.int64),
+    )
+
+
 def sweep_rows(
-    scenes: Sequence[Scene], starts: FloatArray, paths: FloatArray
+    scenes: Sequence[CompiledScene], starts: FloatArray, paths: FloatArray
 ) -> tuple[FloatArray, FloatArray, NDArray[np.int64]]:
     """Return alphas (N,), normals (N, 3) and triangles (N,) of balls that move from starts along paths (N, 3)."""
     n = len(starts)
-    alphas, normals, triangles = np.empty(n), np.empty((n, 3)), np.empty(n, np.int64)
+    alphas = np.empty(n)
+    normals = np.empty((n, 3))
+    triangles = np.empty(n, np.int64)
 
     def run(first: int, last: int) -> None:
-        walk = new_walk()
-        for a, b, scene in _spans(scenes, n, first, last):
-            kernels.sweep_range(a, b, scene, walk, starts, paths, alphas, normals, triangles)
+        traversal = new_traversal()
+        for begin, end, scene in _runs_per_scene(scenes, n, first, last):
+            kernels.sweep_range(begin, end, scene, traversal, starts, paths, alphas, normals, triangles)
 
-    with announced_compilation("sweep_batch"):
-        in_parallel(run, n)
+    with notify_if_compiling("sweep_batch"):
+        parallel_for(run, n)
     return alphas, normals, triangles
 
 
-def clearance_rows(scenes: Sequence[Scene], positions: FloatArray) -> FloatArray:
-    """Return the distances (N,) from the skin of balls at positions (N, 3) to the nearest triangle."""
+def clearance_rows(scenes: Sequence[CompiledScene], positions: FloatArray) -> FloatArray:
+    """Return the distances (N,) from the surface of balls at positions (N, 3) to the nearest triangle, m."""
     clearances = np.empty(len(positions))
-    _ask(kernels.clearance_range, scenes, positions, clearances)
+    _query(kernels.clearance_range, scenes, positions, clearances)
     return clearances
 
 
-def check_clear(scenes: Sequence[Scene], p: FloatArray, scales: float | FloatArray) -> None:
-    """Raise a ValueError for the first ball, of centres (3,) or (N, 3), that intersects a mesh; scales () or (N,)."""
+def check_no_overlap(scenes: Sequence[CompiledScene], p: FloatArray, scales: float | FloatArray) -> None:
+    """Raise a ValueError for the first ball that intersects a mesh.
+
+    Centres are (3,) or (N, 3), coordinate scales () or (N,). A cheap conservative test spares most balls the
+    computation of the distance.
+    """
     centres = p.reshape(-1, 3)
-    doubts = np.empty(len(centres), np.bool_)
-    _ask(kernels.doubt_range, scenes, centres, doubts)
-    if not doubts.any():
+    may_overlap = np.empty(len(centres), np.bool_)
+    _query(kernels.possible_overlap_range, scenes, centres, may_overlap)
+    if not may_overlap.any():
         return
     clearances = clearance_rows(scenes, centres)
-    deep = clearances < -2.0 * TOLERANCE * np.maximum(scales, np.abs(centres).max(axis=1, initial=0.0))
-    if deep.any():
-        i = int(deep.argmax())
-        scene = next(_spans(scenes, len(centres), i, i + 1))[2]
+    is_deep = clearances < -2.0 * RELATIVE_TOLERANCE * np.maximum(scales, np.abs(centres).max(axis=1, initial=0.0))
+    if is_deep.any():
+        i = int(is_deep.argmax())
+        scene = next(_runs_per_scene(scenes, len(centres), i, i + 1))[2]
         which = "position" if p.ndim == 1 else f"position {i}"
         raise ValueError(
             f"{which}: expected a ball in free space, received {centres[i].tolist()}, {-clearances[i]:.3g} m deep in a "
@@ -87,39 +148,42 @@ def check_clear(scenes: Sequence[Scene], p: FloatArray, scales: float | FloatArr
         )
 
 
-def _ask(
-    kernel: Callable[[int, int, Scene, RecordArray, FloatArray, Any], None],
-    scenes: Sequence[Scene],
+def _query(
+    kernel: Callable[[int, int, CompiledScene, RecordArray, FloatArray, Any], None],
+    scenes: Sequence[CompiledScene],
     positions: FloatArray,
-    answers: NDArray[Any],
+    results: NDArray[Any],
 ) -> None:
-    """Let a kernel write an answer for each ball at positions (N, 3)."""
+    """Run a kernel that writes one result for each ball at positions (N, 3)."""
 
     def run(first: int, last: int) -> None:
-        walk = new_walk()
-        for a, b, scene in _spans(scenes, len(positions), first, last):
-            kernel(a, b, scene, walk, positions, answers)
+        traversal = new_traversal()
+        for begin, end, scene in _runs_per_scene(scenes, len(positions), first, last):
+            kernel(begin, end, scene, traversal, positions, results)
 
-    with announced_compilation("clearance"):
-        if len(positions) <= FEW:
+    with notify_if_compiling("clearance"):
+        if len(positions) <= MAX_SERIAL_QUERIES:
             run(0, len(positions))
         else:
-            in_parallel(run, len(positions))
+            parallel_for(run, len(positions))
 
 
-def shot_of(positions: FloatArray, velocities: FloatArray, results: NDArray[np.void]) -> Shot:
-    """Return how balls ended as a Shot of arrays."""
+def make_shot(positions: FloatArray, velocities: FloatArray, results: NDArray[np.void]) -> Shot:
+    """Return the results of runs as a Shot of arrays."""
     fields = (np.ascontiguousarray(results[name]) for name in ("time", "bounces", "exhausted"))
     return Shot(positions, velocities, results["status"].astype(np.int8), *fields)  # type: ignore[arg-type]
 
 
-def _spans(scenes: Sequence[Scene], n: int, first: int, last: int) -> Iterator[tuple[int, int, Scene]]:
-    """Yield runs of rows from first to last - 1 that are in the same scene: the first row, one past the last, scene."""
-    each, begin = n // max(1, len(scenes)), first
+def _runs_per_scene(
+    scenes: Sequence[CompiledScene], n: int, first: int, last: int
+) -> Iterator[tuple[int, int, CompiledScene]]:
+    """Yield the runs of rows in first to last - 1 that share a scene: first row, one past the last row, scene."""
+    rows_per_scene = n // max(1, len(scenes))
+    begin = first
     while begin < last:
-        scene = scenes[begin // each]
+        scene = scenes[begin // rows_per_scene]
         end = begin
-        while end < last and scenes[end // each] is scene:
-            end = min(last, (end // each + 1) * each)
+        while end < last and scenes[end // rows_per_scene] is scene:
+            end = min(last, (end // rows_per_scene + 1) * rows_per_scene)
         yield begin, end, scene
         begin = end

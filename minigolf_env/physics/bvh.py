@@ -1,6 +1,7 @@
-"""The broad phase: how a bounding volume hierarchy over the triangles is built, with up to eight boxes in each node.
+"""Construction of the bounding volume hierarchy (BVH): binary splits by the surface area heuristic (SAH), 8 per node.
 
-It is binary splits by the surface area heuristic, of which a node takes seven at once: ``walk.py`` looks into it.
+A node of 8 children is 7 binary splits at once: the child with the largest box is split until there are 8, or until all
+are small enough to be leaves. traversal.py visits the nodes.
 """
 
 from __future__ import annotations
@@ -10,178 +11,224 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from minigolf_env.physics.jit import entry_kernel, kernel
-from minigolf_env.physics.types import NODE, WIDTH, ZERO, FloatArray, RecordArray, Vec3
-from minigolf_env.physics.vec3 import column, put
+from minigolf_env.physics.jit import device_function, kernel
+from minigolf_env.physics.types import BVH_WIDTH, INT64_ZERO, NODE_DTYPE, FloatArray, RecordArray, Vec3
+from minigolf_env.physics.vec3 import column, store_column
 
-LEAF = 4
-"""Triangles in a leaf: fewer cost more nodes, more cost more triangle tests. Less than WIDTH, see NODE."""
+MAX_LEAF_SIZE = 4
+"""Maximum number of triangles in a leaf; below BVH_WIDTH, see NODE_DTYPE. Smaller leaves cost more nodes, larger ones
+more triangle tests."""
 
-BINS = 16
-"""Candidate planes of a split, as in I. Wald, "On fast Construction of SAH-based Bounding Volume Hierarchies", 2007."""
+NUM_SAH_BINS = 16
+"""Number of bins of a split, as in I. Wald, "On fast Construction of SAH-based Bounding Volume Hierarchies", 2007."""
 
-LOPSIDED = 32
-"""A split that leaves less than this fraction on one side is replaced by halves: building stays n log n, and no box has
-more than the rest of its node's triangles, so that the tree is not deep."""
+MAX_SPLIT_RATIO = 32
+"""Maximum ratio of a range's triangles to those of its smaller part. A more uneven split is replaced by halves:
+building stays O(n log n), and no child has more than 31/32 of its node's triangles, which bounds the depth."""
 
-TINY = 2.0**-1022
-"""The smallest half extent, m: rounding up a zero."""
+MIN_HALF_EXTENT = 2.0**-1022
+"""Smallest half extent of a box, m: a zero, rounded up."""
 
 
-def build_tree(corners: FloatArray) -> tuple[RecordArray, NDArray[np.int64]]:
+def build_bvh(corners: FloatArray) -> tuple[RecordArray, NDArray[np.int64]]:
     """Build the hierarchy over n >= 1 triangles (n, 3, 3); return its nodes and the order (n,) of its leaves."""
     n = len(corners)
-    low, high, order = corners.min(axis=1), corners.max(axis=1), np.arange(n)
-    # Nodes of leaves alone, if not the root, have LEAF + 1 triangles, the others WIDTH boxes: at most 8 n / 35 in all.
-    nodes = np.zeros(n // 4 + 1, NODE)
-    todo = np.empty((len(nodes), 4), np.int64)
-    count = _build(low, high, order, nodes, todo, np.empty((WIDTH, 2), np.int64), np.empty(BINS), np.empty((BINS, 6)))
+    low = corners.min(axis=1)
+    high = corners.max(axis=1)
+    order = np.arange(n)
+    # A node of leaves alone has more than MAX_LEAF_SIZE triangles, unless it is the root; the others have BVH_WIDTH
+    # children: at most 8 n / 35 nodes in all.
+    nodes = np.zeros(n // 4 + 1, NODE_DTYPE)
+    build_stack = np.empty((len(nodes), 4), np.int64)
+    child_ranges = np.empty((BVH_WIDTH, 2), np.int64)
+    count = _build(
+        low, high, order, nodes, build_stack, child_ranges, np.empty(NUM_SAH_BINS), np.empty((NUM_SAH_BINS, 6))
+    )
     return nodes[:count].copy(), order
 
 
-@entry_kernel
+@kernel
 def _build(
     low: FloatArray,
     high: FloatArray,
     order: NDArray[np.int64],
     nodes: RecordArray,
-    todo: NDArray[np.int64],
-    parts: NDArray[np.int64],
-    counts: FloatArray,
-    boxes: FloatArray,
+    build_stack: NDArray[np.int64],
+    child_ranges: NDArray[np.int64],
+    bin_counts: FloatArray,
+    bin_boxes: FloatArray,
 ) -> int:
     """Fill in the nodes, sort ``order``, return the number of nodes; the other arrays are scratch.
 
-    Of each node ``todo`` (N, 4) holds the first of its triangles, one past the last, and in whose box it is: the node's
-    row and the box. ``parts`` (WIDTH, 2) are the triangles of the boxes so far. Every box begins as a leaf.
+    A row of ``build_stack`` (N, 4) is a node to build: its first triangle, one past its last, and the slot that refers
+    to it, as the parent's row and the slot's number. ``child_ranges`` (BVH_WIDTH, 2) are the triangles of the children
+    of the current node so far.
     """
-    todo[0, 0], todo[0, 1], todo[0, 2], todo[0, 3] = 0, len(order), 0, 0
-    waiting, count = ZERO + 1, ZERO
-    while waiting > 0:
-        waiting -= 1
-        nodes[todo[waiting, 2]]["inside"][todo[waiting, 3]] = count
+    build_stack[0, 0] = 0
+    build_stack[0, 1] = len(order)
+    build_stack[0, 2] = 0
+    build_stack[0, 3] = 0
+    stack_size = INT64_ZERO + 1
+    count = INT64_ZERO
+    while stack_size > 0:
+        # Pop a range of triangles, and begin a node with one child that holds it all.
+        stack_size -= 1
+        nodes[build_stack[stack_size, 2]]["child"][build_stack[stack_size, 3]] = count
         node = nodes[count]
-        node["width"] = WIDTH
-        for k in range(WIDTH):
-            put(node["middle"], k, Vec3(math.nan, math.nan, math.nan))
-        parts[0, 0], parts[0, 1] = todo[waiting, 0], todo[waiting, 1]
-        _enclose(low, high, order, parts, ZERO, node)
-        number, k = ZERO + 1, _largest(parts, ZERO + 1, node)
+        node["num_slots"] = BVH_WIDTH
+        for k in range(BVH_WIDTH):
+            store_column(node["center"], k, Vec3(math.nan, math.nan, math.nan))
+        child_ranges[0, 0] = build_stack[stack_size, 0]
+        child_ranges[0, 1] = build_stack[stack_size, 1]
+        _compute_child_bounds(low, high, order, child_ranges, INT64_ZERO, node)
+
+        # Split the child with the largest box in two until the node is full or all children are leaves.
+        num_children = INT64_ZERO + 1
+        k = _choose_child_to_split(child_ranges, num_children, node)
         while k >= 0:
-            start, end = parts[k, 0], parts[k, 1]
-            cut = _split(order, start, end, low, high, counts, boxes)
-            parts[k, 1], parts[number, 0], parts[number, 1] = cut, cut, end
-            _enclose(low, high, order, parts, k, node)
-            _enclose(low, high, order, parts, number, node)
-            number += 1
-            k = _largest(parts, number, node)
-        for k in range(number):
-            start, size = parts[k, 0], parts[k, 1] - parts[k, 0]
-            node["inside"][k] = -(WIDTH * start + size)
-            if size > LEAF:
-                todo[waiting, 0], todo[waiting, 1], todo[waiting, 2], todo[waiting, 3] = start, parts[k, 1], count, k
-                waiting += 1
+            start = child_ranges[k, 0]
+            end = child_ranges[k, 1]
+            cut = _split(order, start, end, low, high, bin_counts, bin_boxes)
+            child_ranges[k, 1] = cut
+            child_ranges[num_children, 0] = cut
+            child_ranges[num_children, 1] = end
+            _compute_child_bounds(low, high, order, child_ranges, k, node)
+            _compute_child_bounds(low, high, order, child_ranges, num_children, node)
+            num_children += 1
+            k = _choose_child_to_split(child_ranges, num_children, node)
+
+        # Enter each child as a leaf; push those that are too large, which become nodes when they are popped.
+        for k in range(num_children):
+            start = child_ranges[k, 0]
+            size = child_ranges[k, 1] - start
+            node["child"][k] = -(BVH_WIDTH * start + size)
+            if size > MAX_LEAF_SIZE:
+                build_stack[stack_size, 0] = start
+                build_stack[stack_size, 1] = start + size
+                build_stack[stack_size, 2] = count
+                build_stack[stack_size, 3] = k
+                stack_size += 1
         count += 1
     return count
 
 
-@kernel
-def _largest(parts: NDArray[np.int64], number: int, node: np.void) -> int:
-    """Return which part of a node to split next, of those that are no leaves: that of the largest box; -1 for none."""
-    best, largest = -1.0, -ZERO - 1
-    for k in range(number if number < WIDTH else 0):
-        area = _half_area(column(node["half"], k))
-        if parts[k, 1] - parts[k, 0] > LEAF and area > best:
-            best, largest = area, ZERO + k
-    return largest
+@device_function
+def _choose_child_to_split(child_ranges: NDArray[np.int64], num_children: int, node: np.void) -> int:
+    """Return the child with the largest box among those too large for a leaf; -1 if there is none or no free slot."""
+    best_area = -1.0
+    best = -INT64_ZERO - 1
+    for k in range(num_children if num_children < BVH_WIDTH else 0):
+        area = _half_area(column(node["half_extent"], k))
+        if child_ranges[k, 1] - child_ranges[k, 0] > MAX_LEAF_SIZE and area > best_area:
+            best_area = area
+            best = INT64_ZERO + k
+    return best
 
 
-@kernel
-def _enclose(
-    low: FloatArray, high: FloatArray, order: NDArray[np.int64], parts: NDArray[np.int64], k: int, node: np.void
+@device_function
+def _compute_child_bounds(
+    low: FloatArray, high: FloatArray, order: NDArray[np.int64], child_ranges: NDArray[np.int64], k: int, node: np.void
 ) -> None:
-    """Make a node's box k that of the triangles in its part k."""
+    """Set the box of a node's child k to the bounds of its triangles."""
     for axis in range(3):
         lowest, highest = math.inf, -math.inf
-        for j in range(parts[k, 0], parts[k, 1]):
-            lowest, highest = min(lowest, low[order[j], axis]), max(highest, high[order[j], axis])
-        middle = 0.5 * (lowest + highest)
-        node["middle"][axis, k] = middle
-        # Rounding of the middle must not let a corner stick out.
-        node["half"][axis, k] = max(highest - middle, middle - lowest) * (1.0 + 2.0**-52) + TINY
+        for j in range(child_ranges[k, 0], child_ranges[k, 1]):
+            lowest = min(lowest, low[order[j], axis])
+            highest = max(highest, high[order[j], axis])
+        center = 0.5 * (lowest + highest)
+        node["center"][axis, k] = center
+        # Grown by the rounding error of the centre: no corner may stick out.
+        node["half_extent"][axis, k] = max(highest - center, center - lowest) * (1.0 + 2.0**-52) + MIN_HALF_EXTENT
 
 
-@kernel
+@device_function
 def _split(
     order: NDArray[np.int64],
     start: int,
     end: int,
     low: FloatArray,
     high: FloatArray,
-    counts: FloatArray,
-    boxes: FloatArray,
+    bin_counts: FloatArray,
+    bin_boxes: FloatArray,
 ) -> int:
-    """Reorder order[start:end] around the cheapest binned plane; return where the upper part starts.
+    """Partition order[start:end] at the cheapest binned plane; return where the upper part starts.
 
-    Nothing is upper among triangles whose boxes have the same middle: they are halved.
+    Triangles whose boxes have the same centre cannot be partitioned by a plane: they are halved.
     """
-    axis, width, origin = ZERO, -1.0, 0.0
+    # Choose the axis along which the boxes' centres are spread most.
+    axis = INT64_ZERO
+    spread = -1.0
+    origin = 0.0
     for k in range(3):
         lowest, highest = math.inf, -math.inf
         for j in range(start, end):
-            middle = 0.5 * (low[order[j], k] + high[order[j], k])
-            lowest, highest = min(lowest, middle), max(highest, middle)
-        if highest - lowest > width:
-            axis, width, origin = k, highest - lowest, lowest
+            center = 0.5 * (low[order[j], k] + high[order[j], k])
+            lowest = min(lowest, center)
+            highest = max(highest, center)
+        if highest - lowest > spread:
+            axis = k
+            spread = highest - lowest
+            origin = lowest
     half = (start + end) // 2
-    if not width > 0.0:
+    if not spread > 0.0:
         return half
 
-    for b in range(BINS):
-        counts[b] = 0.0
+    # Put the triangles into bins along it.
+    for b in range(NUM_SAH_BINS):
+        bin_counts[b] = 0.0
         for k in range(3):
-            boxes[b, k], boxes[b, 3 + k] = math.inf, -math.inf
+            bin_boxes[b, k] = math.inf
+            bin_boxes[b, 3 + k] = -math.inf
     for j in range(start, end):
         i = order[j]
-        b = _bin(0.5 * (low[i, axis] + high[i, axis]), origin, width)
-        counts[b] += 1.0
+        b = _bin_index(0.5 * (low[i, axis] + high[i, axis]), origin, spread)
+        bin_counts[b] += 1.0
         for k in range(3):
-            boxes[b, k], boxes[b, 3 + k] = min(boxes[b, k], low[i, k]), max(boxes[b, 3 + k], high[i, k])
-    best, plane = math.inf, ZERO
-    for b in range(1, BINS):
-        cost = _cost(counts, boxes, ZERO, b) + _cost(counts, boxes, b, len(counts))
-        if cost < best:
-            best, plane = cost, b
+            bin_boxes[b, k] = min(bin_boxes[b, k], low[i, k])
+            bin_boxes[b, 3 + k] = max(bin_boxes[b, 3 + k], high[i, k])
 
+    # Choose the plane between two bins that costs least.
+    best_cost = math.inf
+    plane = INT64_ZERO
+    for b in range(1, NUM_SAH_BINS):
+        cost = _sah_cost(bin_counts, bin_boxes, INT64_ZERO, b) + _sah_cost(bin_counts, bin_boxes, b, len(bin_counts))
+        if cost < best_cost:
+            best_cost = cost
+            plane = b
+
+    # Partition the triangles at the plane, or halve them if that is too uneven.
     cut = start
     for j in range(start, end):
         i = order[j]
-        if _bin(0.5 * (low[i, axis] + high[i, axis]), origin, width) < plane:
-            order[j], order[cut] = order[cut], i
+        if _bin_index(0.5 * (low[i, axis] + high[i, axis]), origin, spread) < plane:
+            order[j] = order[cut]
+            order[cut] = i
             cut += 1
-    return half if min(cut - start, end - cut) * LOPSIDED < end - start else cut
+    return half if min(cut - start, end - cut) * MAX_SPLIT_RATIO < end - start else cut
 
 
-@kernel
-def _bin(middle: float, origin: float, width: float) -> int:
-    return min(BINS - 1, int(BINS * ((middle - origin) / width)))
+@device_function
+def _bin_index(center: float, origin: float, spread: float) -> int:
+    """Return the bin of a coordinate in origin to origin + spread."""
+    return min(NUM_SAH_BINS - 1, int(NUM_SAH_BINS * ((center - origin) / spread)))
 
 
-@kernel
-def _cost(counts: FloatArray, boxes: FloatArray, first: int, last: int) -> float:
-    """Return the surface area heuristic's cost of bins first to last - 1: triangles times half their box's area."""
+@device_function
+def _sah_cost(bin_counts: FloatArray, bin_boxes: FloatArray, first: int, last: int) -> float:
+    """Return the SAH cost of bins first to last - 1: the triangles times half the area of their box; inf if empty."""
     total = 0.0
-    x0, y0, z0, x1, y1, z1 = math.inf, math.inf, math.inf, -math.inf, -math.inf, -math.inf
+    x0, y0, z0 = math.inf, math.inf, math.inf
+    x1, y1, z1 = -math.inf, -math.inf, -math.inf
     for b in range(first, last):
-        total += counts[b]
-        x0, y0, z0 = min(x0, boxes[b, 0]), min(y0, boxes[b, 1]), min(z0, boxes[b, 2])
-        x1, y1, z1 = max(x1, boxes[b, 3]), max(y1, boxes[b, 4]), max(z1, boxes[b, 5])
+        total += bin_counts[b]
+        x0, y0, z0 = min(x0, bin_boxes[b, 0]), min(y0, bin_boxes[b, 1]), min(z0, bin_boxes[b, 2])
+        x1, y1, z1 = max(x1, bin_boxes[b, 3]), max(y1, bin_boxes[b, 4]), max(z1, bin_boxes[b, 5])
     if total == 0.0:
         return math.inf
     return total * _half_area(Vec3(x1 - x0, y1 - y0, z1 - z0))
 
 
-@kernel
-def _half_area(box: Vec3) -> float:
-    """Return half the area of a box, given its extents."""
-    return box.x * box.y + box.y * box.z + box.z * box.x
+@device_function
+def _half_area(extents: Vec3) -> float:
+    """Return half the surface area of a box, given its extents along the axes."""
+    return extents.x * extents.y + extents.y * extents.z + extents.z * extents.x

@@ -1,9 +1,15 @@
-"""The triangles near the ball, kept from one sweep to the next.
+"""The candidate cache: the triangles near the ball, kept from one sub-step to the next.
 
-A neighbourhood is a cylinder in space and a list of every triangle that a ball can touch while its centre is in there.
-A path with both ends in a cylinder stays in it, so its sweep looks at the listed triangles only: at none in flight, at
-the floor's one or two while rolling. What a sweep finds does not depend on what it looks at besides the triangles it
-can meet; so the answers are the whole tree's, bit for bit, whatever the neighbourhood and whoever used it before.
+The cache holds a bounding cylinder and every triangle that a ball can touch while its centre is in the cylinder. A
+sweep whose path starts and ends in the cylinder tests these candidates instead of traversing the BVH: none in flight,
+one or two of the floor while rolling. Example: a ball rolls 1 cm a step over a flat floor::
+
+    step 1: the cache is empty     -> collect the triangles around the next 8 steps (8 cm): 2 of the floor, sweep them
+    step 2 to 8: in the cylinder   -> sweep the 2 candidates
+    step 9: leaves the cylinder    -> collect the triangles around the next 8 steps
+
+The first hit does not depend on which other triangles are tested. So the results are those of ``sweep``, bit for bit,
+whatever the cache holds and whichever ball used it before.
 """
 
 from __future__ import annotations
@@ -13,217 +19,220 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from minigolf_env.physics.jit import entry_kernel, kernel
-from minigolf_env.physics.sweep import Collision, no_collision, sooner, sweep
-from minigolf_env.physics.swept_sphere import may_come_near
-from minigolf_env.physics.traversal import leaf, mark_on_path, new_walk
-from minigolf_env.physics.types import WIDTH, ZERO, RecordArray, Scene, Vec3
-from minigolf_env.physics.vec3 import add, along, column, dot, norm, put, scale, store, sub, vec3
+from minigolf_env.physics.cylinder import BoundingCylinder, bounding_cylinder, cylinder_contains, query_radius
+from minigolf_env.physics.jit import device_function, kernel
+from minigolf_env.physics.sweep import Collision, no_hit, sweep, update_first_hit
+from minigolf_env.physics.swept_sphere import may_overlap
+from minigolf_env.physics.traversal import decode_leaf, intersect_children_swept_sphere, new_traversal
+from minigolf_env.physics.types import BVH_WIDTH, INT64_ZERO, CompiledScene, RecordArray, Vec3
+from minigolf_env.physics.vec3 import add, column, norm, scale, store, store_column, sub, vec3
 
-CAPACITY = 64
-"""Triangles in the list of one path: more cost more than walking through the tree once for each of its pieces."""
+SINGLE_STEP_CAPACITY = 64
+"""Maximum number of candidates for one path: testing more costs more than a traversal of the BVH for each sub-step."""
 
-FEW = 24
-"""Triangles in the list of several paths: more cost more than a list for each."""
+MULTI_STEP_CAPACITY = 24
+"""Maximum number of candidates for several paths: testing more costs more than collecting them for each path."""
 
-CANDIDATES = 2 * CAPACITY
-"""Triangles of leaves that a search for a list may come to: more are taken to be too many."""
+MAX_CANDIDATES = 2 * SINGLE_STEP_CAPACITY
+"""Maximum number of triangles that the leaves near a path may hold before they are filtered."""
 
-QUEUE = 2 * CANDIDATES
-"""Boxes that such a search may come to, in a walk's stack: it has room for them."""
+MAX_QUEUED_NODES = 2 * MAX_CANDIDATES
+"""Maximum number of BVH nodes and leaves that collecting candidates may visit."""
 
-FURTHEST = 8.0
-"""Paths like the present one that a neighbourhood holds at most: longer ones meet too much that is not on the way."""
+MAX_LOOKAHEAD_STEPS = 8.0
+"""Maximum length of a cylinder, in paths like the present one: longer ones collect too much that the ball never
+meets."""
 
-CYLINDER = np.dtype(
+CACHE_STATE_DTYPE = np.dtype(
     [
-        *((name, "f8", (3,)) for name in ("foot", "axis")),
-        *((name, "f8") for name in ("length", "radius2", "paths")),
-        *((name, "i8") for name in ("count", "met")),
+        ("base", "f8", (3,)),  # the cylinder, as in BoundingCylinder; its length is negative while there is none
+        ("axis", "f8", (3,)),
+        ("length", "f8"),
+        ("radius_sq", "f8"),
+        ("lookahead_steps", "f8"),  # length of the next cylinder, in paths
+        ("num_candidates", "i8"),
+        ("last_hit", "i8"),  # row of the triangle that was hit last; 0 at first
     ]
 )
-"""The middle of an end, the unit vector to the other end, the length (m; negative while there is no cylinder) and the
-squared radius (m^2); how many paths the next one should hold; the number of triangles in the list, and the row of the
-one that a list's sweep met last, 0 at first."""
+"""Cylinder and counters of a candidate cache."""
 
-LIST = np.dtype(
+CANDIDATE_LIST_DTYPE = np.dtype(
     [
-        *((name, "f8", (3, CANDIDATES)) for name in ("a", "n", "u", "v")),
-        *((name, "i8", (CANDIDATES,)) for name in ("row", "maybe")),
+        ("a", "f8", (3, MAX_CANDIDATES)),  # what ``may_overlap`` needs of each triangle, a column each
+        ("n", "f8", (3, MAX_CANDIDATES)),
+        ("u", "f8", (3, MAX_CANDIDATES)),
+        ("v", "f8", (3, MAX_CANDIDATES)),
+        ("row", "i8", (MAX_CANDIDATES,)),  # row of the triangle in the scene
+        ("mask", "i8", (MAX_CANDIDATES,)),  # 1 where ``may_overlap`` is true, else 0
+        ("rows_to_test", "i8", (2 * SINGLE_STEP_CAPACITY,)),  # of one sweep: for faces first, then again for edges
+        ("node_queue", "i8", (MAX_QUEUED_NODES + BVH_WIDTH,)),  # of one search for candidates
     ]
 )
-"""A column for each triangle of the list, or candidate for it: what ``may_come_near`` asks of it, its row in the scene,
-and the answer."""
+"""Candidates of a cache, as columns for SIMD loops, and the queues of the loops over them."""
 
 
-class Cylinder(NamedTuple):
-    """A cylinder in the kernels' terms."""
+class CandidateCache(NamedTuple):
+    """Candidate cache of one thread."""
 
-    foot: Vec3
-    axis: Vec3
-    length: float
-    radius2: float
-
-
-class Neighbourhood(NamedTuple):
-    """Scratch memory of one thread."""
-
-    cylinder: RecordArray
-    """(1,) of CYLINDER."""
-    listed: RecordArray
-    """(1,) of LIST."""
-    walk: RecordArray
-    """(1,) of WALK; its stack also holds the boxes to look into, during a search, and the triangles, during a sweep."""
+    state: RecordArray
+    """(1,) record of CACHE_STATE_DTYPE."""
+    candidates: RecordArray
+    """(1,) record of CANDIDATE_LIST_DTYPE."""
+    traversal: RecordArray
+    """(1,) record of TRAVERSAL_DTYPE, for sweeps through the BVH."""
 
 
-def no_neighbourhood() -> Neighbourhood:
-    """Return scratch memory for one thread, which holds no place yet."""
-    cylinder = np.zeros(1, CYLINDER)
-    forget(cylinder)
-    return Neighbourhood(cylinder, np.zeros(1, LIST), new_walk())
+def new_candidate_cache() -> CandidateCache:
+    """Return an empty cache for one thread."""
+    state = np.zeros(1, CACHE_STATE_DTYPE)
+    invalidate(state)
+    return CandidateCache(state, np.zeros(1, CANDIDATE_LIST_DTYPE), new_traversal())
 
 
-def forget(cylinder: RecordArray) -> None:
-    """Let scratch memory hold no place, as it must before it is used in another scene."""
-    cylinder["length"], cylinder["paths"], cylinder["met"] = -1.0, FURTHEST, 0
+def invalidate(state: RecordArray) -> None:
+    """Empty a cache, as is necessary before it is used in another scene."""
+    state["length"] = -1.0
+    state["lookahead_steps"] = MAX_LOOKAHEAD_STEPS
+    state["last_hit"] = 0
 
 
-@entry_kernel
-def sweep_near(scene: Scene, near: Neighbourhood, p: Vec3, w: Vec3) -> Collision:
-    """Return what ``sweep`` returns, sooner."""
-    cylinder = _cylinder(near)
-    if not ((holds(cylinder, p) and holds(cylinder, add(p, w))) or _look_around(scene, near, p, w)):
-        return sweep(scene, near.walk, p, w)
-    listed, queue, count = near.listed[0], near.walk[0]["stack"], near.cylinder[0]["count"]
-    first = _pick(listed, count, p, w, scene.radius + 2.0 * scene.eps, queue)
-    best, k, last = no_collision(), ZERO, first
-    while k < last:
-        best, later = sooner(scene.triangles, queue[k], p, w, scene.radius, scene.eps, best, k >= first)
-        if later:  # Once more, when the faces have told how much of the path is left for borders.
-            queue[last] = queue[k]
-            last += 1
+@kernel
+def sweep_cached(scene: CompiledScene, cache: CandidateCache, p: Vec3, w: Vec3) -> Collision:
+    """Return the same first hit as ``sweep``, from cached candidates where possible."""
+    # Collect new candidates if the path leaves the cylinder; traverse the BVH if there are too many.
+    state = cache.state[0]
+    cylinder = BoundingCylinder(vec3(state["base"]), vec3(state["axis"]), state["length"], state["radius_sq"])
+    is_cached = cylinder_contains(cylinder, p) and cylinder_contains(cylinder, add(p, w))
+    if not is_cached and not _rebuild(scene, cache, p, w):
+        return sweep(scene, cache.traversal, p, w)
+
+    # Keep the candidates near this path.
+    candidates = cache.candidates[0]
+    rows = candidates["rows_to_test"]
+    num_faces = _filter_candidates(candidates, state["num_candidates"], p, w, scene.radius + 2.0 * scene.eps, rows)
+
+    # Test all faces first, then the edges that the path can still reach before the first hit so far.
+    best = no_hit()
+    k = INT64_ZERO
+    num_tests = num_faces
+    while k < num_tests:
+        row = rows[k]
+        best, is_deferred = update_first_hit(scene.triangles, row, p, w, scene.radius, scene.eps, best, k >= num_faces)
+        if is_deferred:
+            rows[num_tests] = row
+            num_tests += 1
         k += 1
+
     if best.row >= 0:
-        near.cylinder[0]["met"] = best.row
+        state["last_hit"] = best.row
     return best
 
 
-@kernel
-def _cylinder(near: Neighbourhood) -> Cylinder:
-    record = near.cylinder[0]
-    return Cylinder(vec3(record["foot"]), vec3(record["axis"]), record["length"], record["radius2"])
+@device_function
+def has_spare_capacity(cache: CandidateCache) -> bool:
+    """Return whether the cache is valid and at most a third of the multi-step capacity is used."""
+    state = cache.state[0]
+    return bool(state["length"] >= 0.0 and 3 * state["num_candidates"] <= MULTI_STEP_CAPACITY)
 
 
-@kernel
-def holds(cylinder: Cylinder, p: Vec3) -> bool:
-    """Return whether a cylinder holds the point p, without a branch."""
-    way = sub(p, cylinder.foot)
-    height = dot(way, cylinder.axis)
-    return bool((height >= 0.0) & (height <= cylinder.length) & (dot(way, way) - height * height <= cylinder.radius2))
+@device_function
+def _rebuild(scene: CompiledScene, cache: CandidateCache, p: Vec3, w: Vec3) -> bool:
+    """Collect the candidates for the path p to p + w and the next ones like it; return whether they fit.
 
-
-@kernel
-def around(p: Vec3, w: Vec3, radius: float) -> Cylinder:
-    """Return a cylinder around the path p to p + w, whose points are at most 1.42 radii from it."""
-    length = norm(w)
-    axis = scale(w, 1.0 / length) if length > 1e-100 else Vec3(0.0, 0.0, 0.0)
-    longer = length + 2.0 * radius
-    return Cylinder(along(p, -radius, axis), axis, longer, radius * radius - 1e-14 * longer * longer)  # For rounding.
-
-
-@kernel
-def reach_around(scene: Scene, radius: float) -> float:
-    """Return how near to a path a triangle is that a ball can meet from within the path's cylinder, m."""
-    return 1.42 * radius + scene.radius + 4.0 * scene.eps
-
-
-@kernel
-def _look_around(scene: Scene, near: Neighbourhood, p: Vec3, w: Vec3) -> bool:
-    """Make a neighbourhood for the path from p to p + w and those after it; return whether there is room for it.
-
-    A rolling ball's paths dip into the ground by half of what gravity does in their time: there the cylinder is wide
-    enough to its end, and no wider, for the fewer triangles. In flight paths bend more, and leave it sooner.
+    The cylinder grows while few candidates are found, and shrinks when they do not fit. A path of a rolling ball dips
+    into the ground by g t^2 / 2 in its time t: the cylinder is wide enough for that up to its end, and no wider, to
+    keep the candidates few. In flight paths bend more, and leave the cylinder earlier.
     """
-    record = near.cylinder[0]
-    paths = record["paths"]
-    way = scale(w, paths)
-    radius = 0.52 * paths * scene.dt * scene.dt * norm(scene.gravity) + 1e-4 * norm(way) + 4.0 * scene.eps
-    if not _list_triangles(scene, near, p, way, reach_around(scene, radius), FEW if paths > 1.0 else CAPACITY):
-        record["length"], record["paths"] = -1.0, max(1.0, 0.5 * paths)
+    state = cache.state[0]
+    lookahead_steps = state["lookahead_steps"]
+    path = scale(w, lookahead_steps)
+    # 0.52 is the 1/2 of g t^2 / 2 with a margin; 1e-4 of the length is for resistance and slopes.
+    radius = 0.52 * lookahead_steps * scene.dt * scene.dt * norm(scene.gravity) + 1e-4 * norm(path) + 4.0 * scene.eps
+    capacity = MULTI_STEP_CAPACITY if lookahead_steps > 1.0 else SINGLE_STEP_CAPACITY
+    if not _collect_candidates(scene, cache, p, path, query_radius(scene, radius), capacity):
+        state["length"] = -1.0
+        state["lookahead_steps"] = max(1.0, 0.5 * lookahead_steps)
         return False
-    cylinder = around(p, way, radius)
-    store(record["foot"], cylinder.foot)
-    store(record["axis"], cylinder.axis)
-    record["length"], record["radius2"] = cylinder.length, cylinder.radius2
-    if is_short(near):
-        record["paths"] = min(FURTHEST, 2.0 * paths)
+    cylinder = bounding_cylinder(p, path, radius)
+    store(state["base"], cylinder.base)
+    store(state["axis"], cylinder.axis)
+    state["length"] = cylinder.length
+    state["radius_sq"] = cylinder.radius_sq
+    if has_spare_capacity(cache):
+        state["lookahead_steps"] = min(MAX_LOOKAHEAD_STEPS, 2.0 * lookahead_steps)
     return True
 
 
-@kernel
-def is_short(near: Neighbourhood) -> bool:
-    """Return whether there is a list with room for more."""
-    record = near.cylinder[0]
-    return bool(record["length"] >= 0.0 and 3 * record["count"] <= FEW)
+@device_function
+def _collect_candidates(
+    scene: CompiledScene, cache: CandidateCache, p: Vec3, w: Vec3, reach: float, capacity: int
+) -> bool:
+    """Collect all triangles that may be within ``reach`` of the path p to p + w; return whether they fit in the list.
 
-
-@kernel
-def _list_triangles(scene: Scene, near: Neighbourhood, p: Vec3, w: Vec3, reach: float, most: int) -> bool:
-    """List the triangles, ``most`` at most, that may be within ``reach`` of the path p to p + w; return whether it did.
-
-    The tree is searched breadth first: the processor can look at several nodes at a time, as none waits for another.
+    The BVH is searched breadth first: the processor can work on several nodes at a time, as none waits for another.
     """
-    walk, listed = near.walk[0], near.listed[0]
-    queue = walk["stack"]
-    queue[0], waiting, done, count = 0, ZERO + 1, ZERO, ZERO
-    while done < waiting:
-        i = queue[done]
+    traversal = cache.traversal[0]
+    candidates = cache.candidates[0]
+    queue = candidates["node_queue"]
+
+    # List the triangles of all leaves near the path.
+    queue[0] = 0
+    num_queued = INT64_ZERO + 1
+    num_visited = INT64_ZERO
+    count = INT64_ZERO
+    while num_visited < num_queued:
+        i = queue[num_visited]
         if i >= 0:
-            mark_on_path(scene.nodes, i, near.walk, p, w, reach)
-            for k in range(WIDTH):
-                queue[waiting] = scene.nodes[i]["inside"][k]
-                waiting += walk["near"][k]
-            if waiting > QUEUE:
+            intersect_children_swept_sphere(scene.nodes, i, cache.traversal, p, w, reach)
+            for k in range(BVH_WIDTH):
+                queue[num_queued] = scene.nodes[i]["child"][k]
+                num_queued += traversal["hit_mask"][k]
+            if num_queued > MAX_QUEUED_NODES:
                 return False
         else:
-            first, size = leaf(i)
-            if count + size > CANDIDATES:
+            first, size = decode_leaf(i)
+            if count + size > MAX_CANDIDATES:
                 return False
             for row in range(first, first + size):
-                listed["row"][count] = row
+                candidates["row"][count] = row
                 count += 1
-        done += 1
-    _read(scene.triangles, listed, count)
-    count = _pick(listed, count, p, w, reach, listed["row"])
-    if count > most:
+        num_visited += 1
+
+    # Keep those that may overlap the fattened path.
+    _gather_columns(scene.triangles, candidates, count)
+    count = _filter_candidates(candidates, count, p, w, reach, candidates["row"])
+    if count > capacity:
         return False
-    _read(scene.triangles, listed, count)
-    near.cylinder[0]["count"] = count
+    _gather_columns(scene.triangles, candidates, count)
+    cache.state[0]["num_candidates"] = count
     return True
 
 
-@kernel
-def _read(triangles: RecordArray, listed: np.void, count: int) -> None:
-    """Read the columns of a list from the triangles that its rows name."""
+@device_function
+def _gather_columns(triangles: RecordArray, candidates: np.void, count: int) -> None:
+    """Copy what ``may_overlap`` needs of the first ``count`` candidates into their columns."""
     for k in range(count):
-        triangle = triangles[listed["row"][k]]
-        put(listed["a"], k, vec3(triangle["a"]))
-        put(listed["n"], k, vec3(triangle["n"]))
-        put(listed["u"], k, vec3(triangle["u"]))
-        put(listed["v"], k, vec3(triangle["v"]))
+        triangle = triangles[candidates["row"][k]]
+        store_column(candidates["a"], k, vec3(triangle["a"]))
+        store_column(candidates["n"], k, vec3(triangle["n"]))
+        store_column(candidates["u"], k, vec3(triangle["u"]))
+        store_column(candidates["v"], k, vec3(triangle["v"]))
 
 
-@kernel
-def _pick(listed: np.void, count: int, p: Vec3, w: Vec3, reach: float, rows: NDArray[np.int64]) -> int:
-    """Write the rows of the listed triangles that the path p to p + w may come within ``reach`` of; return how many.
+@device_function
+def _filter_candidates(candidates: np.void, count: int, p: Vec3, w: Vec3, reach: float, rows: NDArray[np.int64]) -> int:
+    """Write the rows of the candidates that may be within ``reach`` of the path p to p + w; return their number.
 
-    They are told apart in vector instructions, as nothing branches.
+    The tests are branch-free, so that the compiler makes SIMD instructions of them.
     """
     for k in range(count):
-        a, n, u, v = column(listed["a"], k), column(listed["n"], k), column(listed["u"], k), column(listed["v"], k)
-        listed["maybe"][k] = may_come_near(sub(a, p), n, u, v, w, 0.0, 1.0, reach)
-    picked = ZERO
+        a = column(candidates["a"], k)
+        n = column(candidates["n"], k)
+        u = column(candidates["u"], k)
+        v = column(candidates["v"], k)
+        candidates["mask"][k] = may_overlap(sub(a, p), n, u, v, w, 0.0, 1.0, reach)
+    num_kept = INT64_ZERO
     for k in range(count):
-        rows[picked] = listed["row"][k]
-        picked += listed["maybe"][k]
-    return picked
+        rows[num_kept] = candidates["row"][k]
+        num_kept += candidates["mask"][k]
+    return num_kept

@@ -1,7 +1,12 @@
-"""What a collision does: the seed's response, contacts that last, and the motion those contacts leave the ball.
+"""Impact response, resting contacts, and the motion that they leave the ball.
 
-Lasting contacts are kept in a scratch array (MAX_CONTACTS, 4), a row each: unit normal, rolling resistance; ``held``
-counts the rows in use. It belongs to one time step: a step starts with none, so that a state is position and velocity.
+An impact whose rebound is too weak to leave the surface within a time step becomes a resting contact: the ball slides
+or rolls on the surface until it leaves it. Resting contacts are kept in a scratch array (MAX_CONTACTS, 4), a row each:
+unit contact normal, rolling resistance; ``num_contacts`` counts the rows in use. They live for one time step and each
+step begins without any, so that the state of a ball is its position and velocity alone.
+
+Example: a ball at rest on a floor falls for an instant, hits the floor at alpha = 0 with a rebound that is too weak,
+and gets the resting contact (0, 0, 1). Projecting gravity onto the contact cone {y : y_z >= 0} leaves zero: it rests.
 """
 
 from __future__ import annotations
@@ -9,192 +14,226 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from minigolf_env.physics.jit import entry_kernel, kernel
+from minigolf_env.physics.jit import device_function, kernel
 from minigolf_env.physics.sweep import Collision
-from minigolf_env.physics.types import FloatArray, Scene, Vec3
-from minigolf_env.physics.vec3 import along, cross, dot, norm, scale, sub, vec3
+from minigolf_env.physics.types import CompiledScene, FloatArray, Vec3
+from minigolf_env.physics.vec3 import cross, dot, mul_add, norm, scale, sub, vec3
 
 MAX_CONTACTS = 8
-"""Contacts held at once: three hold a ball; the rest is for bowls of many facets."""
+"""Maximum number of resting contacts: three hold a ball; the others are for bowls of many facets."""
 
-GRAZE = 1e-10
-"""Relative speed normal to a surface below which a ball neither bounces off it nor has left it."""
+GRAZING_SPEED_RATIO = 1e-10
+"""Ratio of the speed normal to a surface to the speed below which a ball neither bounces off it nor has left it."""
 
-ROUNDING = 2.0**-48
-"""Normal speed of a projected vector, as a share of its length, that is rounding: some units in the last place."""
-
-
-@entry_kernel
-def hold(contacts: FloatArray, held: int, n: Vec3, rolling: float) -> int:
-    """Add a lasting contact, in place of one with the same normal or the closest of a full set; return their number."""
-    row, closest = min(held, MAX_CONTACTS - 1), -1.0
-    for i in range(held):
-        likeness = dot(vec3(contacts[i]), n)
-        apart = sub(vec3(contacts[i]), n)
-        if norm(apart) <= ROUNDING or (held == MAX_CONTACTS and likeness > closest):
-            row, closest = i, likeness
-    contacts[row, 0], contacts[row, 1], contacts[row, 2], contacts[row, 3] = n.x, n.y, n.z, rolling
-    return max(held, row + 1)
+PROJECTION_ROUNDOFF = 2.0**-48
+"""Rounding error of a projected vector, divided by its length: some units in the last place."""
 
 
 @kernel
-def release(contacts: FloatArray, held: int, v: Vec3) -> int:
-    """Drop the contacts that the ball moves away from at velocity v; return how many are left."""
-    left = 0
-    for i in range(held):
-        rising = dot(vec3(contacts[i]), v)
-        if rising <= 0.0 or rising * rising <= GRAZE * GRAZE * dot(v, v):
+def add_contact(contacts: FloatArray, num_contacts: int, n: Vec3, rolling: float) -> int:
+    """Add a resting contact, or replace one of the same normal or the most similar of a full set; return the number."""
+    row = min(num_contacts, MAX_CONTACTS - 1)
+    best_cosine = -1.0
+    for i in range(num_contacts):
+        cosine = dot(vec3(contacts[i]), n)
+        is_same = norm(sub(vec3(contacts[i]), n)) <= PROJECTION_ROUNDOFF
+        if is_same or (num_contacts == MAX_CONTACTS and cosine > best_cosine):
+            row = i
+            best_cosine = cosine
+    contacts[row, 0] = n.x
+    contacts[row, 1] = n.y
+    contacts[row, 2] = n.z
+    contacts[row, 3] = rolling
+    return max(num_contacts, row + 1)
+
+
+@device_function
+def remove_separating(contacts: FloatArray, num_contacts: int, v: Vec3) -> int:
+    """Remove the contacts that the ball separates from at velocity v; return the number of those that are left."""
+    num_kept = 0
+    for i in range(num_contacts):
+        normal_speed = dot(vec3(contacts[i]), v)
+        is_grazing = normal_speed * normal_speed <= GRAZING_SPEED_RATIO * GRAZING_SPEED_RATIO * dot(v, v)
+        if normal_speed <= 0.0 or is_grazing:
             for k in range(4):
-                contacts[left, k] = contacts[i, k]
-            left += 1
-    return left
+                contacts[num_kept, k] = contacts[i, k]
+            num_kept += 1
+    return num_kept
 
 
-@entry_kernel
-def project(contacts: FloatArray, held: int, x: Vec3) -> Vec3:
-    """Return the vector closest to x in the cone {y : y . n >= 0 for every contact normal n}.
+@kernel
+def project_onto_cone(contacts: FloatArray, num_contacts: int, x: Vec3) -> Vec3:
+    """Return the vector closest to x in the contact cone {y : y . n >= 0 for every contact normal n}.
 
-    It is x itself, or x projected on one contact plane, on the crease of two, or zero.
+    It is x itself, or x projected onto one contact plane, onto the intersection line of two, or zero.
     """
-    if _in_cone(contacts, held, x, held, held, 0.0):
+    if _in_cone(contacts, num_contacts, x, num_contacts, num_contacts, 0.0):
         return x
-    slack = 0.0 if held == 1 else -ROUNDING * norm(x)
-    for i in range(held):
+
+    # One plane.
+    slack = 0.0 if num_contacts == 1 else -PROJECTION_ROUNDOFF * norm(x)
+    for i in range(num_contacts):
         n = vec3(contacts[i])
-        y = along(x, -dot(x, n), n)
-        if dot(x, n) < 0.0 and _in_cone(contacts, held, y, i, i, slack):
-            return y if dot(y, y) > ROUNDING * ROUNDING * dot(x, x) else Vec3(0.0, 0.0, 0.0)
+        y = mul_add(x, -dot(x, n), n)
+        if dot(x, n) < 0.0 and _in_cone(contacts, num_contacts, y, i, i, slack):
+            exceeds_roundoff = dot(y, y) > PROJECTION_ROUNDOFF * PROJECTION_ROUNDOFF * dot(x, x)
+            return y if exceeds_roundoff else Vec3(0.0, 0.0, 0.0)
+
+    # The intersection lines of two planes: of the projections in the cone, the longest is the closest to x.
     best = Vec3(0.0, 0.0, 0.0)
-    for i in range(held):
+    for i in range(num_contacts):
         for j in range(i):
-            crease = _crease(vec3(contacts[i]), vec3(contacts[j]))
-            y = scale(crease, dot(x, crease))
-            if norm(y) > norm(best) and _in_cone(contacts, held, y, i, j, slack):
-                best = y  # Of the vectors in the cone's creases the longest is the closest to x.
+            line = _intersection_direction(vec3(contacts[i]), vec3(contacts[j]))
+            y = scale(line, dot(x, line))
+            if norm(y) > norm(best) and _in_cone(contacts, num_contacts, y, i, j, slack):
+                best = y
     return best if norm(best) > -slack else Vec3(0.0, 0.0, 0.0)
 
 
-@kernel
-def _crease(n: Vec3, m: Vec3) -> Vec3:
-    """Return the unit vector along which two planes meet, perpendicular to both normals to rounding; zero if parallel.
+@device_function
+def _intersection_direction(n: Vec3, m: Vec3) -> Vec3:
+    """Return the unit vector along the intersection line of two planes with normals n and m; zero if parallel.
 
-    Taking m's part across n first keeps that true for planes that are nearly parallel, where n x m itself is not.
+    It is perpendicular to both normals to rounding. Taking m's part across n first keeps that true for planes that are
+    nearly parallel, where n x m itself is not.
     """
-    across = along(m, -dot(m, n), n)
+    across = mul_add(m, -dot(m, n), n)
     if norm(across) == 0.0:
         return across
     return cross(n, scale(across, 1.0 / norm(across)))
 
 
-@kernel
-def _in_cone(contacts: FloatArray, held: int, x: Vec3, i: int, j: int, slack: float) -> bool:
-    """Return whether x . n >= slack for every contact but i and j, in whose planes it was put."""
-    for k in range(held):
+@device_function
+def _in_cone(contacts: FloatArray, num_contacts: int, x: Vec3, i: int, j: int, slack: float) -> bool:
+    """Return whether x . n >= slack for every contact but i and j, in whose planes x lies."""
+    for k in range(num_contacts):
         if k != i and k != j and dot(vec3(contacts[k]), x) < slack:
             return False
     return True
 
 
-@kernel
-def rolling_resistance(contacts: FloatArray, held: int, gravity: Vec3) -> float:
-    """Return R, the deceleration of a rolling ball, m/s^2: each contact's share of the weight it carries."""
+@device_function
+def rolling_resistance(contacts: FloatArray, num_contacts: int, gravity: Vec3) -> float:
+    """Return the deceleration R of a rolling ball, m/s^2: the sum of each contact's coefficient times its load."""
     total = 0.0
-    for i in range(held):
+    for i in range(num_contacts):
         total += contacts[i, 3] * max(0.0, -dot(gravity, vec3(contacts[i])))
     return total
 
 
-@kernel
-def resist(v: Vec3, a: Vec3, resistance: float, h: float) -> tuple[Vec3, float, bool]:
-    """Return (net acceleration, duration, stops) of a piece of the step that lasts at most h.
+@device_function
+def apply_rolling_resistance(
+    v: Vec3, acceleration: Vec3, resistance: float, time_left: float
+) -> tuple[Vec3, float, bool]:
+    """Return (net acceleration, duration, stops) of a sub-step that lasts at most ``time_left``.
 
-    The resistance acts against v, or holds back the acceleration a of a ball that lies still. The piece ends where the
+    The resistance acts against v, or against the acceleration of a ball without velocity. The sub-step ends where the
     velocity along its first direction reaches zero (``stops``). A ball at rest gets zero acceleration and duration.
     """
     if dot(v, v) == 0.0:
-        pull = norm(a)
+        pull = norm(acceleration)
         if pull <= resistance:
             return Vec3(0.0, 0.0, 0.0), 0.0, True
-        return scale(a, 1.0 - resistance / pull), h, False
+        return scale(acceleration, 1.0 - resistance / pull), time_left, False
     if resistance == 0.0:
-        return a, h, False
-    net, speed, braking = brake(v, a, resistance)
-    if braking > 0.0 and speed <= braking * h:
-        return net, speed / braking, True
-    return net, h, False
+        return acceleration, time_left, False
+    net, speed, deceleration = rolling_deceleration(v, acceleration, resistance)
+    if deceleration > 0.0 and speed <= deceleration * time_left:
+        return net, speed / deceleration, True
+    return net, time_left, False
 
 
-@kernel
-def brake(v: Vec3, a: Vec3, resistance: float) -> tuple[Vec3, float, float]:
-    """Return the net acceleration of a ball that rolls at velocity v, its speed, and how fast that falls, m/s^2."""
+@device_function
+def rolling_deceleration(v: Vec3, acceleration: Vec3, resistance: float) -> tuple[Vec3, float, float]:
+    """Return (net acceleration, speed, deceleration in m/s^2) of a ball that rolls at velocity v."""
     speed = norm(v)
-    return along(a, -resistance / speed, v), speed, resistance - dot(a, v) / speed
+    net = mul_add(acceleration, -resistance / speed, v)
+    return net, speed, resistance - dot(acceleration, v) / speed
 
 
-@kernel
-def stop(v: Vec3, end: Vec3, braking: float, eps: float) -> Vec3:
-    """Return the velocity ``end`` without its part along the first velocity v.
+@device_function
+def resolve_stop(v: Vec3, end_velocity: Vec3, deceleration: float, eps: float) -> Vec3:
+    """Return ``end_velocity`` without its part along the velocity v at the start of the sub-step.
 
-    Zero where only rounding is left, or where ``braking`` (m/s^2) would end the ball's way within eps (m): across a
-    slope too gentle to roll down, each stop leaves a part of the speed sideways, and stops would follow without end.
+    It is zero where only rounding is left, or where ``deceleration`` would stop the ball within eps: across a slope too
+    gentle to roll down, each stop leaves a part of the speed sideways, and there would be stops without end.
     """
-    sideways = along(end, -dot(end, v) / dot(v, v), v)
-    if norm(sideways) <= GRAZE * norm(v) or dot(sideways, sideways) <= 2.0 * eps * braking:
+    sideways = mul_add(end_velocity, -dot(end_velocity, v) / dot(v, v), v)
+    is_roundoff = norm(sideways) <= GRAZING_SPEED_RATIO * norm(v)
+    if is_roundoff or dot(sideways, sideways) <= 2.0 * eps * deceleration:
         return Vec3(0.0, 0.0, 0.0)
     return sideways
 
 
-@kernel
-def surface_of(scene: Scene, hit: Collision) -> Any:
-    """Return the SURFACE that a collision met."""
+@device_function
+def surface_of(scene: CompiledScene, hit: Collision) -> Any:
+    """Return the SURFACE_DTYPE record of the triangle that was hit."""
     return scene.surfaces[scene.triangles[hit.row]["surface"]]
 
 
-@kernel
-def rebound(scene: Scene, hit: Collision, w: Vec3, v: Vec3, a: Vec3, net: Vec3, span: float) -> tuple[Vec3, bool]:
-    """Return (velocity after the impact, whether the contact lasts instead).
+@device_function
+def resolve_impact(
+    scene: CompiledScene, hit: Collision, average: Vec3, v: Vec3, acceleration: Vec3, net: Vec3, duration: float
+) -> tuple[Vec3, bool]:
+    """Return (velocity after the impact, whether it becomes a resting contact instead).
 
-    ``w`` is the average velocity over the path of duration ``span``, which the seed's response uses; ``v`` the velocity
-    at the collision and ``net`` the acceleration on the way, which the conservative response uses: its approach speed
-    makes up for the height between the straight path and the parabola, so that the impact keeps energy exactly. The
-    contact lasts if the rebound is too slow to outlast dt against ``a`` or gravity, which press the ball down.
+    The average-velocity response (CS121 notes) uses the ``average`` velocity over the path of the given duration. The
+    conservative response uses the velocity ``v`` at the impact and the ``net`` acceleration on the path: its approach
+    speed makes up for the height between the straight path and the parabola, so that the impact keeps energy exactly.
+    The contact is resting if the rebound would last less than dt against the normal load of gravity or
+    ``acceleration``.
     """
-    surface, n = surface_of(scene, hit), hit.normal
-    restitution, tangential = surface["restitution"], surface["tangential"]
-    incoming, approach = w, -dot(w, n)
+    surface = surface_of(scene, hit)
+    n = hit.normal
+    restitution = surface["restitution"]
+    tangential = surface["tangential"]
+
+    # Choose the incoming velocity and the approach speed.
+    incoming = average
+    approach = -dot(average, n)
     if scene.conservative:
         incoming = v
-        approach = math.sqrt(dot(v, n) ** 2 + hit.alpha * (1.0 - hit.alpha) * span * span * dot(net, net))
-        if dot(v, n) >= 0.0:  # It only grazes, and leaves undamped.
-            restitution, tangential = 1.0, 1.0
-    # A rolling ball meets its floor at just the speed pressing dt / 2: rounding must not make it bounce if e = 1.
-    weak = restitution * approach - 0.5 * pressing(scene.gravity, a, n) * scene.dt
-    if weak <= 0.0 or min(weak, approach) <= GRAZE * norm(w):
+        chord_loss = hit.alpha * (1.0 - hit.alpha) * duration * duration * dot(net, net)
+        approach = math.sqrt(dot(v, n) ** 2 + chord_loss)
+        if dot(v, n) >= 0.0:  # The ball only grazes the surface, and leaves undamped.
+            restitution = 1.0
+            tangential = 1.0
+
+    # A rolling ball hits its floor at exactly load * dt / 2: rounding must not make it bounce if e = 1.
+    excess = restitution * approach - 0.5 * normal_load(scene.gravity, acceleration, n) * scene.dt
+    if excess <= 0.0 or min(excess, approach) <= GRAZING_SPEED_RATIO * norm(average):
         return v, True
-    sliding = along(incoming, -dot(incoming, n), n)
-    return along(scale(sliding, tangential), restitution * approach, n), False
+
+    # Reflect the normal velocity, and damp both parts.
+    sliding = mul_add(incoming, -dot(incoming, n), n)
+    return mul_add(scale(sliding, tangential), restitution * approach, n), False
 
 
-@kernel
-def pressing(gravity: Vec3, a: Vec3, n: Vec3) -> float:
-    """Return how hard gravity or the acceleration a presses a ball onto a surface, m/s^2."""
-    return max(0.0, -dot(gravity, n), -dot(a, n))
+@device_function
+def normal_load(gravity: Vec3, acceleration: Vec3, n: Vec3) -> float:
+    """Return the larger acceleration of the two with which the ball is pressed onto a surface, m/s^2; at least 0."""
+    return max(0.0, -dot(gravity, n), -dot(acceleration, n))
 
 
-@kernel
-def settle(scene: Scene, hit: Collision, contacts: FloatArray, held: int, v: Vec3, rattles: bool) -> tuple[Vec3, int]:
-    """Let a contact last; return what it leaves of the velocity v, and how many contacts last now.
+@device_function
+def make_resting(
+    scene: CompiledScene, hit: Collision, contacts: FloatArray, num_contacts: int, v: Vec3, force_resting: bool
+) -> tuple[Vec3, int]:
+    """Make the contact of a hit a resting one; return what it leaves of the velocity v, and the number of contacts.
 
-    The contact of a ball that ``rattles`` lasts from both sides: resistance, which pulls a ball back to what it leaves,
-    would throw it to and fro between two contacts in ever smaller hits.
+    With ``force_resting`` the contact holds the ball from both sides: resistance, which pulls a ball back to the
+    contact it leaves, would otherwise throw it to and fro between two contacts in ever smaller hits.
     """
     n = hit.normal
-    held = hold(contacts, held, n, surface_of(scene, hit)["rolling"])
-    if rattles:
-        held = hold(contacts, held, scale(n, -1.0), 0.0)
-    # A part that rises goes too: the ball would be back within the step.
-    v = project(contacts, held, along(v, -max(0.0, dot(v, n)), n))
-    slow = GRAZE * scene.dt  # Times gravity: the rounding of a ball that is held fast.
-    if dot(v, v) <= slow * slow * dot(scene.gravity, scene.gravity):
+    num_contacts = add_contact(contacts, num_contacts, n, surface_of(scene, hit)["rolling"])
+    if force_resting:
+        num_contacts = add_contact(contacts, num_contacts, scale(n, -1.0), 0.0)
+
+    # Remove the separating part, too: the ball would be back within the step.
+    v = project_onto_cone(contacts, num_contacts, mul_add(v, -max(0.0, dot(v, n)), n))
+
+    # A velocity below this times gravity is the rounding error of a ball that is held.
+    rounding_time = GRAZING_SPEED_RATIO * scene.dt
+    if dot(v, v) <= rounding_time * rounding_time * dot(scene.gravity, scene.gravity):
         v = Vec3(0.0, 0.0, 0.0)
-    return v, held
+    return v, num_contacts

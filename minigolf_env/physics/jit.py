@@ -1,4 +1,10 @@
-"""How the physics is compiled: a decorator for each kind of caller, and a line for the user who waits for it."""
+"""Decorators that compile the physics, and a notice for a user who waits for the compiler.
+
+``kernel`` is for functions that Python calls, ``device_function`` for those that only compiled code calls, and
+``inlined_kernel`` for large functions with one caller. All compile to IEEE arithmetic without ``fastmath`` (the same
+bits everywhere), release the GIL, and divide as numpy does (a sliver may divide by zero). Compiled code is cached on
+disk. With NUMBA_DISABLE_JIT=1 Python runs the functions.
+"""
 
 from __future__ import annotations
 
@@ -13,84 +19,64 @@ import numba
 import numpy as np
 
 try:
-    from minigolf_env.physics.jit_cache import KernelCache
-except ImportError:  # This numba lacks what it is made of, or names it otherwise: its own cache has to do.
-    KernelCache = None  # type: ignore[assignment,misc]
+    from minigolf_env.physics.numba_internals import compile_device_function, compile_kernel
+except ImportError:  # This numba lacks a private name: use its public API alone. The bits are the same.
+
+    def compile_kernel(function: Callable[..., Any], **options: Any) -> Any:
+        """Compile a function with numba's public options and its own cache."""
+        return numba.njit(function, cache=True, **options)
+
+    compile_device_function = compile_kernel
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
-SILENCE = 1.5
-"""Seconds before the user is told that the physics is being compiled."""
+NOTICE_DELAY = 1.5
+"""Seconds of compilation before the user is notified."""
 
-_ready: set[str] = set()
-"""The uses of the physics that were compiled or loaded in this process."""
+_used: set[str] = set()
+"""The functions of the public API that were compiled or loaded in this process."""
+
+
+def device_function(function: Function) -> Function:
+    """Compile a function of numbers, arrays and NamedTuples for kernels to call; Python cannot call it."""
+    if numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
+        return function
+    return cast(Function, compile_device_function(function, nogil=True, error_model="numpy"))
 
 
 def kernel(function: Function) -> Function:
-    """Compile a function of floats, arrays and NamedTuples that other kernels call; Python cannot.
-
-    Cached on disk, IEEE arithmetic, without the GIL. ``fastmath`` stays off (the same bits everywhere) and division
-    follows numpy (a sliver may divide by zero). Kernels allocate nothing, and the compiler holds them to it: with
-    numba's memory manager every call would count references to all the scene's arrays, two thirds of the time.
-    """
-    compiled: Any = _compile(function, no_cpython_wrapper=True)
-
-    def refuse(*_: object, **__: object) -> None:
-        raise TypeError(f"{function.__name__} is a kernel for kernels: decorate it with entry_kernel to call it here.")
-
-    # Without a wrapper, which takes a tenth of the time to compile, a call from Python would crash the process.
-    compiled._insert = lambda *_: None
-    compiled._compile_for_args = refuse
-    return cast(Function, compiled)
+    """Compile a function of numbers, arrays and NamedTuples for Python, and for other kernels, to call."""
+    return _compile(function)
 
 
-def entry_kernel(function: Function) -> Function:
-    """Compile a function as ``kernel`` does, for Python to call."""
-    return _callable(function)
-
-
-def merged_kernel(function: Function) -> Function:
-    """Merge a function into the source of its only caller, so that it is compiled once; Python may call it, too."""
-    return _callable(function, inline="always")
-
-
-def _callable(function: Function, **options: Any) -> Function:
-    if numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
-        return np.errstate(all="ignore")(function)  # Kernels divide by zero, too, where Python would warn of it.
-    return _compile(function, **options)
+def inlined_kernel(function: Function) -> Function:
+    """Compile a kernel whose source is inlined into its only caller, so that it is compiled once."""
+    return _compile(function, inline="always")
 
 
 def _compile(function: Function, **options: Any) -> Function:
-    # Every kernel is put into its callers: passing scenes by value, hundreds of bytes a call, costs more than the work.
-    # Without a word numba does as it did for the caller it compiles first: speed would hang on what a user asks first.
-    options["forceinline"] = True
-    # Nothing passes kernels to kernels, which is what the wrapper for C would be for.
-    options |= {"error_model": "numpy", "fastmath": False, "no_cfunc_wrapper": True, "_nrt": False}
-    compiled: Any = numba.njit(function, nogil=True, **options)
-    if KernelCache is not None and hasattr(compiled, "_cache"):
-        compiled._cache = KernelCache(function)
-    elif hasattr(compiled, "enable_caching"):
-        compiled.enable_caching()
-    return cast(Function, compiled)
+    if numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
+        return np.errstate(all="ignore")(function)  # Python would warn of the kernels' divisions by zero.
+    return cast(Function, compile_kernel(function, nogil=True, error_model="numpy", **options))
 
 
 @contextmanager
-def announced_compilation(use: str) -> Iterator[None]:
-    """Say on stderr that kernels are being compiled if the first ``use`` in a process takes longer than ``SILENCE``."""
-    if use in _ready:
+def notify_if_compiling(use: str) -> Iterator[None]:
+    """Print a notice if the first ``use`` in a process takes longer than NOTICE_DELAY: kernels are being compiled."""
+    if use in _used:
         yield
         return
-    timer = threading.Timer(SILENCE, _say)
+    timer = threading.Timer(NOTICE_DELAY, _print_notice)
     timer.daemon = True
     timer.start()
     try:
         yield
-        _ready.add(use)
+        _used.add(use)
     finally:
         timer.cancel()
 
 
 @functools.cache
-def _say() -> None:
-    """Tell the user, once a process."""
+def _print_notice() -> None:
+    """Print the notice to stderr, once a process."""
     print("minigolf_env: compiling the physics, once after each installation (about 15 s) ...", file=sys.stderr)

@@ -1,4 +1,4 @@
-"""The door for meshes: vertices and faces are checked and cast here once, and nowhere else."""
+"""Triangle meshes: vertices and faces are validated and converted here once."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ from numpy.typing import ArrayLike, NDArray
 from minigolf_env._validation import finite_array
 from minigolf_env.physics.types import FloatArray, Surface
 
-LARGEST = 1e9
-"""Largest coordinate taken, m; products of larger ones would leave float64's exact range long before any use."""
+MAX_COORDINATE = 1e9
+"""Largest coordinate accepted, m; products of larger ones would leave float64's exact range long before any use."""
 
 
 class TriangleMesh:
-    """A surface of triangles and what it is made of.
+    """A triangle mesh with a surface material.
 
-    Faces are wound so that their normals (right-hand rule) look into the space where the ball moves: a box to bounce in
-    has normals inwards, an obstacle outwards. A closed mesh is one-sided: it stops a ball that comes from its front. An
-    open one is two-sided. Triangles without area are allowed and act as the segments or points they are.
+    Faces are wound so that their normals (right-hand rule) point into the space where the ball moves: a box to bounce
+    in has normals inwards, an obstacle outwards. A closed mesh is one-sided: it stops a ball that comes from its
+    front. An open one is two-sided. Triangles without area are allowed and act as the segments or points they are.
 
     Args:
         vertices: (V, 3) finite coordinates, m.
         faces: (F, 3) integers, rows of ``vertices``; F >= 1.
-        surface: what an impact keeps and how the ball rolls.
-        two_sided: None: decided by whether the mesh is closed and consistently wound, as False requires; or True, which
-            a closed mesh needs that crosses itself and is inside out in part: this is not looked for.
-        name: what error messages call the mesh.
+        surface: material: the velocity kept by an impact, and the rolling resistance.
+        two_sided: None: two-sided unless the mesh is closed and consistently wound, as False requires; or True, which a
+            closed mesh needs that crosses itself and is inside out in part: this is not detected.
+        name: name of the mesh in error messages.
 
     Raises:
         ValueError: wrong shapes, values that are not finite, faces out of range, no faces, or an open mesh that is to
@@ -50,12 +50,12 @@ class TriangleMesh:
         name: str = "mesh",
     ) -> None:
         self.name = str(name)
-        self.vertices = _checked_vertices(vertices, self.name)
-        self.faces = _checked_faces(faces, len(self.vertices), self.name)
+        self.vertices = _validated_vertices(vertices, self.name)
+        self.faces = _validated_faces(faces, len(self.vertices), self.name)
         self.surface = Surface() if surface is None else surface
         if not isinstance(self.surface, Surface):
             raise ValueError(f"{self.name}: surface: expected a Surface, received {type(surface).__name__}.")
-        self.two_sided = self._checked_sides(two_sided)
+        self.two_sided = self._validated_two_sided(two_sided)
 
     @property
     def triangles(self) -> FloatArray:
@@ -64,64 +64,68 @@ class TriangleMesh:
 
     @property
     def is_closed(self) -> bool:
-        """Whether every edge is passed as often one way as the other: closed and consistently wound."""
-        return not self._is_loose().any()
+        """True if the mesh is closed and consistently wound: each edge runs as often one way as the other."""
+        return not self._has_unpaired_edge().any()
 
-    def _is_loose(self) -> NDArray[np.bool_]:
-        """Return for each face (F,) whether one of its edges is not passed as often one way as the other."""
+    def _has_unpaired_edge(self) -> NDArray[np.bool_]:
+        """Return for each face (F,) whether one of its edges does not run as often one way as the other."""
+        # Number the edges by their vertices, where vertices at the same place count as one.
         _, unique = np.unique(self.vertices, axis=0, return_inverse=True)
         faces = unique.reshape(-1)[self.faces]
         edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
         keys = edges.min(axis=1) * len(self.vertices) + edges.max(axis=1)
         _, edge = np.unique(keys, return_inverse=True)
-        way = np.sign(edges[:, 1] - edges[:, 0])
-        unpaired = np.bincount(edge.reshape(-1), weights=way)[edge.reshape(-1)] != 0.0
-        loose: NDArray[np.bool_] = unpaired.reshape(3, -1).any(axis=0)
-        return loose
 
-    def _checked_sides(self, two_sided: bool | None) -> bool:
+        # Sum the directions of each edge: 0 where they are paired.
+        direction = np.sign(edges[:, 1] - edges[:, 0])
+        is_unpaired = np.bincount(edge.reshape(-1), weights=direction)[edge.reshape(-1)] != 0.0
+        has_unpaired: NDArray[np.bool_] = is_unpaired.reshape(3, -1).any(axis=0)
+        return has_unpaired
+
+    def _validated_two_sided(self, two_sided: bool | None) -> bool:
         if two_sided not in (None, True, False):
             raise ValueError(f"{self.name}: two_sided: expected None, True or False, received {two_sided!r}.")
         if two_sided:
             return True
-        loose = self._is_loose()
-        if two_sided is not None and loose.any():
-            face = int(loose.argmax())
+        has_unpaired = self._has_unpaired_edge()
+        if two_sided is not None and has_unpaired.any():
+            face = int(has_unpaired.argmax())
             raise ValueError(
                 f"{self.name}: two_sided: expected None or True for a mesh that is open or not wound one way, received "
                 f"False; an edge of face {face}, {self.faces[face].tolist()}, lacks a neighbour that passes it the "
                 "other way: close the mesh, wind its faces alike, or leave two_sided out."
             )
-        return bool(loose.any())
+        return bool(has_unpaired.any())
 
     def winding_number(self, points: FloatArray) -> FloatArray:
-        """Return how often the mesh surrounds points (N, 3): closed, 0 outside, 1 inside, -1 if wound inwards; (N,).
+        """Return the winding numbers (N,) of the mesh around points (N, 3).
 
-        The sum of the solid angles of its triangles (A. Van Oosterom and J. Strackee, "The solid angle of a plane
-        triangle", IEEE Transactions on Biomedical Engineering 30, 1983).
+        A closed mesh has 0 outside, and inside 1, or -1 if it is wound inwards. The number is the sum of the solid
+        angles of the triangles (A. Van Oosterom and J. Strackee, "The solid angle of a plane triangle", IEEE
+        Transactions on Biomedical Engineering 30, 1983), divided by 4 pi.
         """
-        turns = np.zeros(len(points))
-        lower, upper = self._box
-        # A closed mesh surrounds nothing beyond its box.
-        near = ((lower <= points) & (points <= upper)).all(axis=1) | self.two_sided
-        if near.any():
+        numbers = np.zeros(len(points))
+        lower, upper = self._bounds
+        # A closed mesh has 0 beyond its bounding box.
+        is_near = ((lower <= points) & (points <= upper)).all(axis=1) | self.two_sided
+        if is_near.any():
             # x, y, z first: sums over short last axes take several times as long.
-            a, b, c = np.moveaxis(self.triangles, 0, 2)[..., None] - points[near].T[:, None]
+            a, b, c = np.moveaxis(self.triangles, 0, 2)[..., None] - points[is_near].T[:, None]
             la, lb, lc = (np.sqrt(_dot(corner, corner)) for corner in (a, b, c))
             cross = (b[1] * c[2] - b[2] * c[1], b[2] * c[0] - b[0] * c[2], b[0] * c[1] - b[1] * c[0])
-            spread = la * lb * lc + _dot(a, b) * lc + _dot(b, c) * la + _dot(c, a) * lb
-            angles = np.arctan2(_dot(a, cross), spread)
-            turns[near] = angles.sum(axis=0) / (2.0 * np.pi)
-        return turns
+            denominator = la * lb * lc + _dot(a, b) * lc + _dot(b, c) * la + _dot(c, a) * lb
+            half_angles = np.arctan2(_dot(a, cross), denominator)
+            numbers[is_near] = half_angles.sum(axis=0) / (2.0 * np.pi)
+        return numbers
 
     @functools.cached_property
-    def _box(self) -> tuple[FloatArray, FloatArray]:
-        """The lower and the upper corner of the box around it, m."""
+    def _bounds(self) -> tuple[FloatArray, FloatArray]:
+        """The lower and the upper corner of the bounding box, m."""
         return self.vertices.min(axis=0), self.vertices.max(axis=0)
 
     @functools.cached_property
     def volume(self) -> float:
-        """The volume a closed mesh encloses, m^3; negative if wound inwards, as a room is."""
+        """Volume that a closed mesh encloses, m^3; negative if wound inwards, as a room is."""
         a, b, c = np.moveaxis(self.triangles - self.vertices.mean(axis=0), 1, 0)
         return float(np.sum(a * np.cross(b, c)) / 6.0)
 
@@ -135,14 +139,14 @@ def _dot(a: Sequence[FloatArray], b: Sequence[FloatArray]) -> FloatArray:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-def _checked_vertices(vertices: ArrayLike, name: str) -> FloatArray:
+def _validated_vertices(vertices: ArrayLike, name: str) -> FloatArray:
     hint = "give one row of x, y, z in metres a vertex, near the origin."
-    array = finite_array(vertices, (None, 3), f"{name}: vertices", hint, LARGEST)
+    array = finite_array(vertices, (None, 3), f"{name}: vertices", hint, MAX_COORDINATE)
     array.flags.writeable = False
     return array
 
 
-def _checked_faces(faces: ArrayLike, vertices: int, name: str) -> NDArray[np.int64]:
+def _validated_faces(faces: ArrayLike, num_vertices: int, name: str) -> NDArray[np.int64]:
     try:
         raw = np.asarray(faces)
     except ValueError as error:
@@ -154,11 +158,11 @@ def _checked_faces(faces: ArrayLike, vertices: int, name: str) -> NDArray[np.int
         )
     if not np.issubdtype(raw.dtype, np.integer):
         raise ValueError(f"{name}: faces: expected integers, received {raw.dtype}; faces number rows of vertices.")
-    if raw.min() < 0 or raw.max() >= vertices:
-        face = int(np.argwhere((raw < 0) | (raw >= vertices))[0, 0])
+    if raw.min() < 0 or raw.max() >= num_vertices:
+        face = int(np.argwhere((raw < 0) | (raw >= num_vertices))[0, 0])
         raise ValueError(
-            f"{name}: faces: expected vertex numbers 0 to {vertices - 1}, received {raw[face].tolist()} in face {face}"
-            "; vertices are counted from 0."
+            f"{name}: faces: expected vertex numbers 0 to {num_vertices - 1}, received {raw[face].tolist()} in "
+            f"face {face}; vertices are counted from 0."
         )
     array = raw.astype(np.int64)
     array.flags.writeable = False

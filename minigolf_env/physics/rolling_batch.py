@@ -1,15 +1,22 @@
-"""Balls that roll on, several at once: most steps of a putt, each at a tenth of what ``step`` takes.
+"""The rolling batch: up to eight balls that roll on flat ground, advanced together with SIMD instructions.
 
-A ball that rolls and will meet nothing but its ground does the same in each step: it falls onto the ground, the contact
-lasts, it rolls on. That needs no branches, and the compiler turns a loop over balls without branches into vector
-instructions, a ball in each of their lanes. Whatever may be anything else is left to ``step``; the bits are the same.
+A ball that rolls on a plane and can reach nothing else does the same in each step: it falls onto the plane (alpha = 0),
+the contact is resting, and it rolls along the plane. ``step_rolling`` writes that out without branches, so that the
+compiler makes SIMD instructions of it, one ball in each element of a vector. It takes a tenth of the time of ``step``,
+for most steps of a putt. Each operation is that of ``step`` on the same numbers, and the results are the same bits; a
+ball whose next step might do anything else becomes inactive and takes that step in ``step``. Example::
 
-**Why a plane will do for the ground.** In a lane are balls that can reach level triangles only: of one closed mesh, in
-one plane, their normals the same to the last bit. Then the ground has no border within reach (beyond it would
-be a triangle of another plane), and a ball's foot is always within a triangle, or on a seam. If the ball touches the
-plane and its path goes well into it, the sweep meets the triangle under the foot at alpha = 0, with the plane's normal;
-at a seam that one where the ball has become deeper than eps, whose border is so near to the foot that its distance is
-the height to rounding. Others that it meets at 0 have the same normal, so it matters not which one counts.
+    try_enter(..., slot 2, p, v)     # the next 64 steps at velocity v are over coplanar triangles of one closed mesh
+    step_rolling(scene, batch, 8)    # 8 balls, one step each
+    ...                              # until the ball in slot 2 slows down, or comes near a wall: its ``active`` is 0
+
+**Why a plane is enough.** The balls of a batch can reach coplanar triangles only: of one closed mesh, in one plane,
+with the same normal to the last bit. Such a floor has no border within reach (beyond it would be a triangle of another
+plane), and the projection of the ball's centre is always over a triangle, or on a seam. If the ball touches the plane
+and its path goes well into it, the sweep hits the triangle under the centre at alpha = 0 with the plane's normal. At a
+seam it hits the triangle where the ball gets deeper than eps, whose edge is so near to the projection of the centre
+that its distance is the height to rounding. Other triangles hit at alpha = 0 have the same normal, so that it does not
+matter which one is the first hit.
 """
 
 from __future__ import annotations
@@ -18,180 +25,251 @@ import math
 
 import numpy as np
 
-from minigolf_env.physics.candidate_cache import Cylinder, around, holds, reach_around
-from minigolf_env.physics.contact import GRAZE, ROUNDING, brake, hold, pressing, project, rolling_resistance
-from minigolf_env.physics.jit import entry_kernel, kernel
-from minigolf_env.physics.traversal import begin, next_leaf_on_path
-from minigolf_env.physics.types import ZERO, FloatArray, RecordArray, Scene, Vec3
-from minigolf_env.physics.vec3 import add, along, choose, column, dot, norm, put, scale, sub, vec3
+from minigolf_env.physics.contact import (
+    GRAZING_SPEED_RATIO,
+    PROJECTION_ROUNDOFF,
+    add_contact,
+    normal_load,
+    project_onto_cone,
+    rolling_deceleration,
+    rolling_resistance,
+)
+from minigolf_env.physics.cylinder import BoundingCylinder, bounding_cylinder, cylinder_contains, query_radius
+from minigolf_env.physics.jit import device_function, kernel
+from minigolf_env.physics.traversal import next_leaf_in_sweep, start_traversal
+from minigolf_env.physics.types import INT64_ZERO, CompiledScene, FloatArray, RecordArray, Vec3
+from minigolf_env.physics.vec3 import add, column, dot, mul_add, norm, scale, select, store_column, sub, vec3
 
-LANES = 8
-"""Balls that roll at once: one vector of 512 bits, or some shorter ones."""
+SIMD_WIDTH = 8
+"""Number of balls in a batch: one SIMD vector of 512 bits, or several shorter ones."""
 
-AHEAD = 64.0
-"""Steps for which the ground is looked at."""
+MAX_FLAT_RUN_STEPS = 64.0
+"""Number of steps at the present velocity for which the ground is searched."""
 
-LEAST = 2.0
-"""Steps for which it must be level, or it is not worth it."""
+MIN_FLAT_RUN_STEPS = 2.0
+"""Minimum number of those steps over flat ground: fewer do not pay for the search."""
 
-LEVEL = 0.125
-"""Share of eps by which level triangles may be apart."""
+COPLANAR_TOLERANCE = 0.125
+"""Maximum distance of coplanar triangles from each other's plane, in eps."""
 
-TOUCHES = 0.75
-"""Share of eps by which a ball may be off its ground: with ``LEVEL``, less than what touches all level triangles."""
+CONTACT_TOLERANCE = 0.75
+"""Maximum distance of a ball from its supporting plane, in eps: plus COPLANAR_TOLERANCE it is below 1, so that the ball
+touches all coplanar triangles."""
 
-LANE = np.dtype(
+MIN_PENETRATION = 16.0
+"""Minimum depth below the plane, in eps, of the end of a path that hits the plane for certain."""
+
+MIN_STEEPNESS = 128.0
+"""Minimum of (sine of the angle between path and plane)^2 radius / eps: while the ball sinks by 2 eps its centre moves
+so little sideways that its distance from an edge under it is its height to within eps / 64."""
+
+ROLLING_BATCH_DTYPE = np.dtype(
     [
-        *((name, "f8", (3, LANES)) for name in ("p", "v", "corner", "normal", "pull", "foot", "axis")),
-        *((name, "f8", (LANES,)) for name in ("resistance", "restitution", "press", "length", "radius2")),
-        *((name, "i8", (LANES,)) for name in ("ball", "ground", "left", "rolled", "rolls")),
+        ("p", "f8", (3, SIMD_WIDTH)),  # centre of the ball, m
+        ("v", "f8", (3, SIMD_WIDTH)),  # m/s
+        ("corner", "f8", (3, SIMD_WIDTH)),  # a corner of the supporting triangle, m
+        ("normal", "f8", (3, SIMD_WIDTH)),  # its unit normal
+        ("tangential_gravity", "f8", (3, SIMD_WIDTH)),  # gravity along the plane, m/s^2
+        ("base", "f8", (3, SIMD_WIDTH)),  # cylinder in which the centre must stay, as in BoundingCylinder
+        ("axis", "f8", (3, SIMD_WIDTH)),
+        ("length", "f8", (SIMD_WIDTH,)),
+        ("radius_sq", "f8", (SIMD_WIDTH,)),
+        ("resistance", "f8", (SIMD_WIDTH,)),  # deceleration by rolling resistance, m/s^2
+        ("restitution", "f8", (SIMD_WIDTH,)),
+        ("max_resting_speed", "f8", (SIMD_WIDTH,)),  # rebound speed up to which a contact is resting, m/s
+        ("ball", "i8", (SIMD_WIDTH,)),  # row of the ball in its batch of runs; -1 for an empty slot
+        ("support", "i8", (SIMD_WIDTH,)),  # row of the supporting triangle
+        ("steps_left", "i8", (SIMD_WIDTH,)),  # maximum of steps_done
+        ("steps_done", "i8", (SIMD_WIDTH,)),  # steps taken in the rolling batch
+        ("active", "i8", (SIMD_WIDTH,)),  # 1 while the ball's steps are taken here, else 0
     ]
 )
-"""A column for each ball: centre and velocity; a corner and the normal of its ground, gravity along it and rolling
-resistance (m/s^2), what an impact keeps of the normal speed, and the speed up to which that lasts (m/s); the cylinder
-in which its centre stays. Its row in the batch (-1 without a ball), a triangle of its ground, the steps that are left
-to it, those it has rolled in the lane, and whether it goes on."""
+"""Rolling batch: a column (slot) for each ball."""
 
 
-@entry_kernel
-def enter(scene: Scene, walk: RecordArray, contacts: FloatArray, lanes: RecordArray, i: int, p: Vec3, v: Vec3) -> bool:
-    """Let a ball that rolls on the triangle that is lane i's ground roll on in the lane, if it may; return whether."""
-    lane = lanes[0]
-    ground = lane["ground"][i]
-    triangle = scene.triangles[ground]
+@kernel
+def try_enter(
+    scene: CompiledScene, traversal: RecordArray, contacts: FloatArray, batch: RecordArray, i: int, p: Vec3, v: Vec3
+) -> bool:
+    """Put a ball that rolls on slot i's supporting triangle into slot i if the ground is flat; return whether it is."""
+    slots = batch[0]
+    support = slots["support"][i]
+    triangle = scene.triangles[support]
     if not triangle["one_sided"]:
         return False
-    surface, n = scene.surfaces[triangle["surface"]], vec3(triangle["n"])
-    held = hold(contacts, ZERO, n, surface["rolling"])
-    pull = project(contacts, held, scene.gravity)
-    level, cylinder = _look_ahead(scene, walk, p, v, pull, ground)
-    if level:
-        put(lane["p"], i, p)
-        put(lane["v"], i, v)
-        put(lane["corner"], i, vec3(triangle["a"]))
-        put(lane["normal"], i, n)
-        put(lane["pull"], i, pull)
-        put(lane["foot"], i, cylinder.foot)
-        put(lane["axis"], i, cylinder.axis)
-        lane["length"][i], lane["radius2"][i] = cylinder.length, cylinder.radius2
-        lane["resistance"][i] = rolling_resistance(contacts, held, scene.gravity)
-        lane["restitution"][i] = surface["restitution"]
-        lane["press"][i] = 0.5 * pressing(scene.gravity, scene.gravity, n) * scene.dt
-        lane["rolled"][i], lane["rolls"][i] = 0, 1
-    return level
+
+    # Make the contact with the ground, and search the ground ahead.
+    surface = scene.surfaces[triangle["surface"]]
+    n = vec3(triangle["n"])
+    num_contacts = add_contact(contacts, INT64_ZERO, n, surface["rolling"])
+    tangential_gravity = project_onto_cone(contacts, num_contacts, scene.gravity)
+    is_flat, cylinder = _find_flat_run(scene, traversal, p, v, tangential_gravity, support)
+    if not is_flat:
+        return False
+
+    # Fill the slot.
+    store_column(slots["p"], i, p)
+    store_column(slots["v"], i, v)
+    store_column(slots["corner"], i, vec3(triangle["a"]))
+    store_column(slots["normal"], i, n)
+    store_column(slots["tangential_gravity"], i, tangential_gravity)
+    store_column(slots["base"], i, cylinder.base)
+    store_column(slots["axis"], i, cylinder.axis)
+    slots["length"][i] = cylinder.length
+    slots["radius_sq"][i] = cylinder.radius_sq
+    slots["resistance"][i] = rolling_resistance(contacts, num_contacts, scene.gravity)
+    slots["restitution"][i] = surface["restitution"]
+    slots["max_resting_speed"][i] = 0.5 * normal_load(scene.gravity, scene.gravity, n) * scene.dt
+    slots["steps_done"][i] = 0
+    slots["active"][i] = 1
+    return True
 
 
-@kernel
-def _look_ahead(scene: Scene, walk: RecordArray, p: Vec3, v: Vec3, pull: Vec3, ground: int) -> tuple[bool, Cylinder]:
-    """Return whether a ball at p, that rolls at velocity v, has level ground under and before it, and up to where.
+@device_function
+def _find_flat_run(
+    scene: CompiledScene, traversal: RecordArray, p: Vec3, v: Vec3, tangential_gravity: Vec3, support: int
+) -> tuple[bool, BoundingCylinder]:
+    """Find how far a ball that rolls from p at velocity v has flat ground: return whether far enough, and the cylinder.
 
-    The cylinder is wide enough for what gravity dips a path, and for how the ``pull`` along the ground bends the way.
+    The cylinder is wide enough for the dip of a path by gravity, and for the bend by the tangential gravity.
     """
-    time = AHEAD * scene.dt
-    if norm(pull) * time * time > scene.radius:
-        time = math.sqrt(scene.radius / norm(pull))
+    # Limit the time in which tangential gravity bends the path by half a radius.
+    time = MAX_FLAT_RUN_STEPS * scene.dt
+    if norm(tangential_gravity) * time * time > scene.radius:
+        time = math.sqrt(scene.radius / norm(tangential_gravity))
+    min_time = MIN_FLAT_RUN_STEPS * scene.dt
     w = scale(v, time)
-    radius = scene.dt * scene.dt * norm(scene.gravity) + 0.5 * norm(pull) * time * time + 4.0 * scene.eps
-    reach = reach_around(scene, radius)
-    stands, free = False, 1.0
-    begin(walk)
-    size = ZERO + 1
-    while size > 0 and free * time >= LEAST * scene.dt:
-        first, size = next_leaf_on_path(scene.nodes, walk, p, scale(w, free), reach)
+    dip = scene.dt * scene.dt * norm(scene.gravity)
+    radius = dip + 0.5 * norm(tangential_gravity) * time * time + 4.0 * scene.eps
+    reach = query_radius(scene, radius)
+
+    # Shorten the path at each triangle of another plane; look for the triangle under the ball.
+    is_supported = False
+    fraction = 1.0
+    start_traversal(traversal)
+    size = INT64_ZERO + 1
+    while size > 0 and fraction * time >= min_time:
+        first, size = next_leaf_in_sweep(scene.nodes, traversal, p, scale(w, fraction), reach)
         for i in range(first, first + size):
             triangle = scene.triangles[i]
-            foot, u, f = sub(p, vec3(triangle["a"])), vec3(triangle["u"]), vec3(triangle["v"])
-            if not _is_level(scene, ground, i):
-                free = min(free, _clear_until(foot, vec3(triangle["n"]), u, f, w, reach))
-            elif dot(foot, u) > 0.0 and dot(foot, f) > 0.0 and dot(foot, u) + dot(foot, f) < 1.0:
-                stands = True
-    return stands and free * time >= LEAST * scene.dt, around(p, scale(w, free), radius)
+            from_corner = sub(p, vec3(triangle["a"]))
+            dual_u = vec3(triangle["u"])
+            dual_v = vec3(triangle["v"])
+            x, y = dot(from_corner, dual_u), dot(from_corner, dual_v)
+            if not _is_coplanar(scene, support, i):
+                n = vec3(triangle["n"])
+                fraction = min(fraction, _clear_fraction(from_corner, n, dual_u, dual_v, w, reach))
+            elif x > 0.0 and y > 0.0 and x + y < 1.0:
+                is_supported = True
+    return is_supported and fraction * time >= min_time, bounding_cylinder(p, scale(w, fraction), radius)
 
 
-@kernel
-def _is_level(scene: Scene, ground: int, other: int) -> bool:
-    """Return whether two triangles are of one mesh, in one plane, and have the same normal."""
-    a, b = scene.triangles[ground], scene.triangles[other]
-    n, m = vec3(a["n"]), vec3(b["n"])
-    step = sub(vec3(b["a"]), vec3(a["a"]))
+@device_function
+def _is_coplanar(scene: CompiledScene, row: int, other: int) -> bool:
+    """Return whether two triangles are of one mesh, in one plane, and have the same normal to the last bit."""
+    a = scene.triangles[row]
+    b = scene.triangles[other]
+    n = vec3(a["n"])
+    m = vec3(b["n"])
+    between = sub(vec3(b["a"]), vec3(a["a"]))
     return bool(
-        a["surface"] == b["surface"]  # A row for each mesh.
+        a["surface"] == b["surface"]  # Each mesh has its own row.
         and n.x == m.x
         and n.y == m.y
         and n.z == m.z
-        and abs(dot(step, n)) <= LEVEL * scene.eps
+        and abs(dot(between, n)) <= COPLANAR_TOLERANCE * scene.eps
     )
 
 
-@kernel
-def _clear_until(start: Vec3, n: Vec3, u: Vec3, v: Vec3, w: Vec3, reach: float) -> float:
-    """Return up to which share of its way w a point is surely beyond ``reach`` of a triangle; ``start`` is from its a.
+@device_function
+def _clear_fraction(start: Vec3, n: Vec3, u: Vec3, v: Vec3, w: Vec3, reach: float) -> float:
+    """Return up to which fraction of the path w a point is surely beyond ``reach`` of a triangle.
 
-    That is while it is so far off the triangle's plane, or so far beyond one of its edges.
+    ``start`` is the start of the path relative to the triangle's corner a. The point is clear while it is far enough
+    from the plane, or far enough beyond one of the edges.
     """
-    height, climb = dot(start, n), dot(w, n)
-    x, y, rate_x, rate_y = dot(start, u), dot(start, v), dot(w, u), dot(w, v)
+    height = dot(start, n)
+    climb = dot(w, n)
+    x, y = dot(start, u), dot(start, v)
+    rate_x, rate_y = dot(w, u), dot(w, v)
     side = math.copysign(1.0, height)
-    off_plane = _parted_until(side * height - reach, side * climb)
-    off_edges = max(_parted_until(-x - reach * norm(u), -rate_x), _parted_until(-y - reach * norm(v), -rate_y))
-    off_third = _parted_until(x + y - 1.0 - reach * norm(add(u, v)), rate_x + rate_y)
-    return max(off_plane, max(off_edges, off_third))
+    plane = _first_zero_fraction(side * height - reach, side * climb)
+    edge_e = _first_zero_fraction(-y - reach * norm(v), -rate_y)
+    edge_f = _first_zero_fraction(-x - reach * norm(u), -rate_x)
+    edge_ef = _first_zero_fraction(x + y - 1.0 - reach * norm(add(u, v)), rate_x + rate_y)
+    return max(plane, max(max(edge_f, edge_e), edge_ef))
 
 
-@kernel
-def _parted_until(gap: float, rate: float) -> float:
-    """Return up to when a gap that grows at a rate is positive, in [0, 1]."""
+@device_function
+def _first_zero_fraction(gap: float, rate: float) -> float:
+    """Return up to which fraction in [0, 1] the linear function gap + fraction * rate is positive."""
     if gap <= 0.0:
         return 0.0
     return min(1.0, -gap / rate) if rate < 0.0 else 1.0
 
 
-@entry_kernel
-def roll(scene: Scene, lanes: RecordArray, count: int) -> int:
-    """Take a time step with each of the first ``count`` balls that rolls on; return how many do.
+@kernel
+def step_rolling(scene: CompiledScene, batch: RecordArray, count: int) -> int:
+    """Advance the active balls among the first ``count`` by one time step; return the number of balls still active.
 
-    The others, and those whose step may not be ``step``'s, to the last bit, stay where they are.
+    A ball whose step might differ from that of ``step`` in any bit becomes inactive and stays where it is.
     """
-    lane, rolling = lanes[0], 0
-    radius, eps, dt, gravity, lower, upper = scene.radius, scene.eps, scene.dt, scene.gravity, scene.lower, scene.upper
-    slow = GRAZE * dt
+    slots = batch[0]
+    num_active = 0
+    radius, eps, dt, gravity = scene.radius, scene.eps, scene.dt, scene.gravity
+    lower, upper = scene.lower, scene.upper
+    rounding_time = GRAZING_SPEED_RATIO * dt
     for i in range(count):
-        p, v, n = column(lane["p"], i), column(lane["v"], i), column(lane["normal"], i)
-        cylinder = Cylinder(column(lane["foot"], i), column(lane["axis"], i), lane["length"][i], lane["radius2"][i])
+        p = column(slots["p"], i)
+        v = column(slots["v"], i)
+        n = column(slots["normal"], i)
+        cylinder = BoundingCylinder(
+            column(slots["base"], i), column(slots["axis"], i), slots["length"][i], slots["radius_sq"][i]
+        )
 
-        # It falls onto its ground, which it touches: alpha is 0;
-        average = along(v, 0.5 * dt, gravity)
+        # Fall onto the supporting plane: the ball touches it, and its path goes well into it, so that alpha is 0.
+        average = mul_add(v, 0.5 * dt, gravity)
         path = scale(average, dt)
-        gap, climb = dot(sub(p, column(lane["corner"], i)), n) - radius, dot(path, n)
-        on = holds(cylinder, p) & holds(cylinder, add(p, path)) & (abs(gap) <= TOUCHES * eps)
-        on &= (climb <= -16.0 * eps) & (climb * climb * radius >= 128.0 * eps * dot(path, path))
+        gap = dot(sub(p, column(slots["corner"], i)), n) - radius
+        climb = dot(path, n)
+        ok = cylinder_contains(cylinder, p) & cylinder_contains(cylinder, add(p, path))
+        ok &= abs(gap) <= CONTACT_TOLERANCE * eps
+        ok &= climb <= -MIN_PENETRATION * eps
+        ok &= climb * climb * radius >= MIN_STEEPNESS * eps * dot(path, path)
 
-        # the contact lasts: for certain if the seed's approach is too slow, as the conservative one is slower;
-        rising = dot(v, n)
-        on &= -lane["restitution"][i] * dot(average, n) <= lane["press"][i]
-        sunk = along(v, -max(0.0, rising), n)
-        sinking = dot(sunk, n)
-        w = choose(sinking < 0.0, along(sunk, -sinking, n), sunk)
-        left, speed2 = dot(n, w), dot(w, w)
-        on &= (speed2 > ROUNDING * ROUNDING * dot(sunk, sunk)) & (speed2 > slow * slow * dot(gravity, gravity))
-        on &= (left <= 0.0) | (left * left <= GRAZE * GRAZE * speed2)
+        # Make the contact resting: certain if the average-velocity approach is too slow, as the conservative one is
+        # slower.
+        ok &= -slots["restitution"][i] * dot(average, n) <= slots["max_resting_speed"][i]
+        falling = mul_add(v, -max(0.0, dot(v, n)), n)
+        normal_speed = dot(falling, n)
+        w = select(normal_speed < 0.0, mul_add(falling, -normal_speed, n), falling)
+        speed_sq = dot(w, w)
+        ok &= speed_sq > PROJECTION_ROUNDOFF * PROJECTION_ROUNDOFF * dot(falling, falling)
+        ok &= speed_sq > rounding_time * rounding_time * dot(gravity, gravity)
 
-        # and it rolls on along the plane,
-        pull, resistance = column(lane["pull"], i), lane["resistance"][i]
-        net, speed, braking = brake(w, pull, resistance)
-        net = choose(resistance == 0.0, pull, net)
-        on &= (resistance == 0.0) | (braking <= 0.0) | (speed > braking * dt)
-        way = scale(along(w, 0.5 * dt, net), dt)
-        end = add(p, way)
-        on &= holds(cylinder, end) & (gap + dot(way, n) >= -TOUCHES * eps)
-        on &= (lower.x <= end.x) & (end.x <= upper.x) & (lower.y <= end.y) & (end.y <= upper.y)
-        on &= (lower.z <= end.z) & (end.z <= upper.z)
+        # Keep the contact: the ball does not separate.
+        normal_speed = dot(n, w)
+        is_grazing = normal_speed * normal_speed <= GRAZING_SPEED_RATIO * GRAZING_SPEED_RATIO * speed_sq
+        ok &= (normal_speed <= 0.0) | is_grazing
 
-        # if it may.
-        on &= (lane["rolls"][i] != 0) & (lane["rolled"][i] < lane["left"][i])
-        put(lane["p"], i, choose(on, end, p))
-        put(lane["v"], i, choose(on, along(w, dt, net), v))
-        lane["rolls"][i] = on
-        lane["rolled"][i] += on
-        rolling += on
-    return rolling
+        # Roll along the plane, without stopping.
+        tangential_gravity = column(slots["tangential_gravity"], i)
+        resistance = slots["resistance"][i]
+        net, speed, deceleration = rolling_deceleration(w, tangential_gravity, resistance)
+        net = select(resistance == 0.0, tangential_gravity, net)
+        ok &= (resistance == 0.0) | (deceleration <= 0.0) | (speed > deceleration * dt)
+        path = scale(mul_add(w, 0.5 * dt, net), dt)
+        end = add(p, path)
+        ok &= cylinder_contains(cylinder, end) & (gap + dot(path, n) >= -CONTACT_TOLERANCE * eps)
+
+        # Stay within the bounds and the number of steps.
+        ok &= (lower.x <= end.x) & (end.x <= upper.x) & (lower.y <= end.y) & (end.y <= upper.y)
+        ok &= (lower.z <= end.z) & (end.z <= upper.z)
+        ok &= (slots["active"][i] != 0) & (slots["steps_done"][i] < slots["steps_left"][i])
+
+        store_column(slots["p"], i, select(ok, end, p))
+        store_column(slots["v"], i, select(ok, mul_add(w, dt, net), v))
+        slots["active"][i] = ok
+        slots["steps_done"][i] += ok
+        num_active += ok
+    return num_active

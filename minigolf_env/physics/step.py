@@ -1,4 +1,9 @@
-"""The time step, the run to rest, and batches of runs."""
+"""The time step, the run of a ball to rest, and the kernels that run many balls.
+
+One time step is a loop over sub-steps. Each moves the ball along a straight path to its first hit and resolves that
+hit; the rest of the time begins there. In flight a step is one sub-step. While rolling it is two: the ball falls onto
+the ground at alpha = 0, where the contact becomes resting, and then rolls along the ground. A bounce adds one.
+"""
 
 from __future__ import annotations
 
@@ -7,167 +12,202 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from minigolf_env.physics.candidate_cache import Neighbourhood, is_short, no_neighbourhood, sweep_near
+from minigolf_env.physics.candidate_cache import CandidateCache, has_spare_capacity, new_candidate_cache, sweep_cached
 from minigolf_env.physics.contact import (
     MAX_CONTACTS,
-    hold,
-    project,
-    rebound,
-    release,
-    resist,
+    add_contact,
+    apply_rolling_resistance,
+    make_resting,
+    project_onto_cone,
+    remove_separating,
+    resolve_impact,
+    resolve_stop,
     rolling_resistance,
-    settle,
-    stop,
     surface_of,
 )
-from minigolf_env.physics.jit import entry_kernel, kernel, merged_kernel
-from minigolf_env.physics.rolling_batch import LANE, LANES, enter, roll
-from minigolf_env.physics.sweep import distance, is_near, sweep
-from minigolf_env.physics.types import ZERO, FloatArray, RecordArray, Scene, Status, Vec3
-from minigolf_env.physics.vec3 import along, column, dot, norm, scale, store, vec3
+from minigolf_env.physics.jit import device_function, inlined_kernel, kernel
+from minigolf_env.physics.rolling_batch import ROLLING_BATCH_DTYPE, SIMD_WIDTH, step_rolling, try_enter
+from minigolf_env.physics.sweep import any_triangle_within, distance_to_nearest, sweep
+from minigolf_env.physics.types import INT64_ZERO, CompiledScene, FloatArray, RecordArray, Status, Vec3
+from minigolf_env.physics.vec3 import column, dot, mul_add, norm, scale, store, vec3
 
-MAX_SUB_STEPS = 64
-"""Pieces of one time step, nearly always 1 to 6: the guarantee that every step ends."""
+MAX_SUBSTEPS = 64
+"""Maximum number of sub-steps of a time step, nearly always 1 to 6: the guarantee that every step ends."""
 
-PATIENCE = MAX_SUB_STEPS // 2
-"""Sub-steps after which every contact lasts and none leaves, and a stop is one for good: for a ball that rattles in a
-wedge, or turns on a slope, and uses up no time."""
+FORCE_RESTING_AFTER = MAX_SUBSTEPS // 2
+"""Number of sub-steps after which every contact is resting, none is removed, and a stop is final: for a ball that
+bounces to and fro in a wedge, or turns on a slope, without using up time."""
 
-TOGETHER = 8
-"""Steps that balls roll on between two looks at which have ceased to."""
+ROLLING_STEPS_PER_CHECK = 8
+"""Number of steps of the rolling batch between two checks for balls that have become inactive."""
 
-REST, OUT_OF_BOUNDS, TIME_LIMIT = int(Status.REST), int(Status.OUT_OF_BOUNDS), int(Status.TIME_LIMIT)
+STATUS_REST = int(Status.REST)
+STATUS_OUT_OF_BOUNDS = int(Status.OUT_OF_BOUNDS)
+STATUS_TIME_LIMIT = int(Status.TIME_LIMIT)
 
 
 class Scratch(NamedTuple):
-    """Memory that the steps of one thread work in; what it holds changes the cost of a step and never its result."""
+    """Working memory of one thread; its contents change the cost of a step and never the result."""
 
     contacts: FloatArray
-    """(MAX_CONTACTS, 4): the contacts that last, see contact.py."""
-    near: Neighbourhood
-    lanes: RecordArray
-    """(1,) of LANE: balls that roll on."""
+    """(MAX_CONTACTS, 4) resting contacts, see contact.py."""
+    cache: CandidateCache
+    """Triangles near the ball."""
+    rolling_batch: RecordArray
+    """(1,) record of ROLLING_BATCH_DTYPE: the balls that roll on flat ground."""
 
 
 def new_scratch() -> Scratch:
-    """Return memory for one thread."""
-    return Scratch(np.zeros((MAX_CONTACTS, 4)), no_neighbourhood(), np.zeros(1, LANE))
+    """Return working memory for one thread."""
+    return Scratch(np.zeros((MAX_CONTACTS, 4)), new_candidate_cache(), np.zeros(1, ROLLING_BATCH_DTYPE))
 
 
 class Balls(NamedTuple):
-    """The balls of a batch."""
+    """The balls of a batch of runs."""
 
     positions: FloatArray
-    """(N, 3) centres, m: at the start, and at the end when they have run."""
+    """(N, 3) centres, m: at the start of the runs, and at their end afterwards."""
     velocities: FloatArray
-    """(N, 3) m/s."""
+    """(N, 3) velocities, m/s, likewise."""
     results: RecordArray
-    """(N,) of RESULT."""
+    """(N,) records of RESULT_DTYPE; zero at the start."""
 
 
-class Moved(NamedTuple):
+class StepResult(NamedTuple):
     """The ball after a time step."""
 
     p: Vec3
     v: Vec3
-    left: float
-    """Time of the step that was not needed: 0 unless the ball came to rest, s."""
+    time_left: float
+    """Time of the step after the ball came to rest, s; 0 for a ball that did not."""
     resting: bool
     bounces: int
-    """Those before the step included."""
+    """Number of bounces, those before the step included."""
     exhausted: bool
-    """The sub-steps ran out."""
-    sub_steps: int
+    """True if the sub-steps were used up, and the rest of the time was lost."""
+    num_substeps: int
 
 
-@merged_kernel
-def step(scene: Scene, scratch: Scratch, p: Vec3, v: Vec3, log: FloatArray, bounces: int, clock: float) -> Moved:
-    """Move the ball by one dt: the seed's algorithm, with lasting contacts.
+@inlined_kernel
+def step(
+    scene: CompiledScene, scratch: Scratch, p: Vec3, v: Vec3, log: FloatArray, bounces: int, clock: float
+) -> StepResult:
+    """Advance the ball by dt: average-velocity integration, continuous collision detection, resting contacts.
 
-    Bounces are noted in ``log`` (K, 8) as far as it has rows: time, centre, normal, triangle.
+    Bounces are written to ``log`` (K, 8) as long as it has rows: time, centre, contact normal, triangle. ``clock`` is
+    the time at the start of the step, s.
     """
-    contacts, held = scratch.contacts, ZERO
-    a, h = scene.gravity, scene.dt
-    still = dot(v, v) == 0.0
-    for sub_step in range(MAX_SUB_STEPS):
-        resistance = rolling_resistance(contacts, held, scene.gravity)
-        net, span, stops = resist(v, a, resistance, h)
-        if stops and span == 0.0:
-            pull, held = _hemmed(scene, scratch, p, scene.gravity, 0.5 * scene.dt * scene.dt)
-            if still or norm(pull) <= rolling_resistance(contacts, held, scene.gravity):
-                return Moved(p, net, h, True, bounces, False, sub_step)
-            still, held, a, v = True, 0, scene.gravity, net  # It has rolled off what stopped it.
-            continue
-        average = along(v, 0.5 * span, net)
-        path = scale(average, span)
-        hit = sweep_near(scene, scratch.near, p, path)
+    contacts = scratch.contacts
+    num_contacts = INT64_ZERO
+    acceleration = scene.gravity
+    time_left = scene.dt
+    was_stopped = dot(v, v) == 0.0
+    for substep in range(MAX_SUBSTEPS):
+        force_resting = substep >= FORCE_RESTING_AFTER
 
-        end = v
+        # Apply rolling resistance: the net acceleration, and the duration if the ball stops before the time is up.
+        resistance = rolling_resistance(contacts, num_contacts, scene.gravity)
+        net, duration, stops = apply_rolling_resistance(v, acceleration, resistance, time_left)
+
+        # A ball without velocity rests if all contacts that touch it hold it; else it starts to roll off.
+        if stops and duration == 0.0:
+            pull, num_contacts = _constrain_to_touching(scene, scratch, p, scene.gravity, 0.5 * scene.dt * scene.dt)
+            if was_stopped or norm(pull) <= rolling_resistance(contacts, num_contacts, scene.gravity):
+                return StepResult(p, net, time_left, True, bounces, False, substep)
+            was_stopped = True
+            num_contacts = 0
+            acceleration = scene.gravity
+            v = net
+            continue
+
+        # Find the first hit along the straight path with the average velocity.
+        average = mul_add(v, 0.5 * duration, net)
+        path = scale(average, duration)
+        hit = sweep_cached(scene, scratch.cache, p, path)
+
+        # Move the ball to the hit, or to the end of the path.
+        end_velocity = v
         if hit.alpha > 0.0:
-            p, end, still = along(p, hit.alpha, path), along(v, hit.alpha * span, net), False
-            h = (1.0 - hit.alpha) * span + (h - span)
-        rattles = sub_step >= PATIENCE
+            p = mul_add(p, hit.alpha, path)
+            end_velocity = mul_add(v, hit.alpha * duration, net)
+            was_stopped = False
+            time_left = (1.0 - hit.alpha) * duration + (time_left - duration)
+
+        # Resolve what happened there: the end of the step, a stop, a resting contact, or a bounce.
         if hit.row < 0:
             if not stops:
-                return Moved(p, end, 0.0, False, bounces, False, sub_step + 1)
-            v = Vec3(0.0, 0.0, 0.0) if rattles else stop(v, end, resistance - norm(a), scene.eps)
+                return StepResult(p, end_velocity, 0.0, False, bounces, False, substep + 1)
+            deceleration = resistance - norm(acceleration)
+            v = Vec3(0.0, 0.0, 0.0) if force_resting else resolve_stop(v, end_velocity, deceleration, scene.eps)
         else:
-            v, lasts = rebound(scene, hit, average, end, a, net, span)
-            if lasts or rattles:
-                v, held = settle(scene, hit, contacts, held, end, rattles)
+            v, is_resting = resolve_impact(scene, hit, average, end_velocity, acceleration, net, duration)
+            if is_resting or force_resting:
+                v, num_contacts = make_resting(scene, hit, contacts, num_contacts, end_velocity, force_resting)
             else:
-                held = 0
-                _note(log, bounces, clock + (scene.dt - h), p, hit.normal, hit.order)
+                num_contacts = 0
+                _log_impact(log, bounces, clock + (scene.dt - time_left), p, hit.normal, hit.triangle_id)
                 bounces += 1
-        if not rattles:
-            held = release(contacts, held, v)
-        a = project(contacts, held, scene.gravity)
-    v, _ = _hemmed(scene, scratch, p, v, scene.dt)
-    return Moved(p, v, 0.0, False, bounces, True, MAX_SUB_STEPS)
+
+        # Remove separating contacts, and project gravity onto what the others leave free.
+        if not force_resting:
+            num_contacts = remove_separating(contacts, num_contacts, v)
+        acceleration = project_onto_cone(contacts, num_contacts, scene.gravity)
+
+    # The sub-steps are used up: the rest of the time is lost.
+    v, _ = _constrain_to_touching(scene, scratch, p, v, scene.dt)
+    return StepResult(p, v, 0.0, False, bounces, True, MAX_SUBSTEPS)
 
 
-@kernel
-def _note(log: FloatArray, row: int, time: float, p: Vec3, n: Vec3, triangle: int) -> None:
+@device_function
+def _log_impact(log: FloatArray, row: int, time: float, p: Vec3, n: Vec3, triangle: int) -> None:
+    """Write a bounce to a row of the log, if it has that row."""
     if row < len(log):
-        log[row, 0], log[row, 7] = time, triangle
+        log[row, 0] = time
         log[row, 1], log[row, 2], log[row, 3] = p.x, p.y, p.z
         log[row, 4], log[row, 5], log[row, 6] = n.x, n.y, n.z
+        log[row, 7] = triangle
 
 
-@kernel
-def _hemmed(scene: Scene, scratch: Scratch, p: Vec3, x: Vec3, span: float) -> tuple[Vec3, int]:
-    """Return what the contacts touching the ball at p leave of the vector x, and how many they are.
+@device_function
+def _constrain_to_touching(
+    scene: CompiledScene, scratch: Scratch, p: Vec3, x: Vec3, duration: float
+) -> tuple[Vec3, int]:
+    """Project the vector x onto the cone of all contacts that touch the ball at p; return it and their number.
 
-    They are found one by one, by sweeping along what is left of x for a duration ``span``.
+    The contacts are found one by one, by sweeping along what is left of x for a duration.
     """
-    contacts, left, held = scratch.contacts, x, ZERO
+    contacts = scratch.contacts
+    projected = x
+    num_contacts = INT64_ZERO
     for _ in range(MAX_CONTACTS):
-        if dot(left, left) == 0.0:
+        if dot(projected, projected) == 0.0:
             break
-        hit = sweep(scene, scratch.near.walk, p, scale(left, span))
+        hit = sweep(scene, scratch.cache.traversal, p, scale(projected, duration))
         if hit.alpha > 0.0:
             break
-        held = hold(contacts, held, hit.normal, surface_of(scene, hit)["rolling"])
-        left = project(contacts, held, x)
-    return left, held
+        num_contacts = add_contact(contacts, num_contacts, hit.normal, surface_of(scene, hit)["rolling"])
+        projected = project_onto_cone(contacts, num_contacts, x)
+    return projected, num_contacts
 
 
-@kernel
-def _trace(path: FloatArray, row: int, p: Vec3, sub_steps: int) -> None:
+@device_function
+def _record_path(path: FloatArray, row: int, p: Vec3, num_substeps: int) -> None:
+    """Write position and number of sub-steps to a row of the path, if it has that row."""
     if row < len(path):
-        path[row, 0], path[row, 1], path[row, 2], path[row, 3] = p.x, p.y, p.z, sub_steps
+        path[row, 0], path[row, 1], path[row, 2] = p.x, p.y, p.z
+        path[row, 3] = num_substeps
 
 
-@kernel
-def _within(p: Vec3, lower: Vec3, upper: Vec3) -> bool:
+@device_function
+def _is_within_bounds(p: Vec3, lower: Vec3, upper: Vec3) -> bool:
     return lower.x <= p.x <= upper.x and lower.y <= p.y <= upper.y and lower.z <= p.z <= upper.z
 
 
-@entry_kernel
+@kernel
 def simulate_range(
     first: int,
     last: int,
-    scene: Scene,
+    scene: CompiledScene,
     scratch: Scratch,
     max_steps: int,
     balls: Balls,
@@ -176,102 +216,149 @@ def simulate_range(
 ) -> None:
     """Run balls first to last - 1, each until it rests, leaves the bounds, or ``max_steps`` are done.
 
-    Balls that roll on do so together, a lane each; the other steps a ball takes alone. If position and sub-steps of
-    each step are written to a ``path`` (T, 4) with rows (row 0 is the start), and bounces to ``log``, there should be
-    one ball, which takes all its steps alone.
+    Balls on flat ground share the rolling batch, a slot each; all other steps are taken by one ball alone. To record a
+    run, pass one ball, a ``path`` (T, 4) for the position and the sub-steps of each step (row 0 is the start), and a
+    ``log`` for its bounces. The run is suspended with the status TIME_LIMIT when either is full; called again with
+    larger ones it resumes.
     """
-    for i in range(first, last):
-        result = balls.results[i]
-        result["steps"], result["bounces"], result["exhausted"] = 0, 0, 0
-        _trace(path, ZERO, vec3(balls.positions[i]), ZERO)
-    lane, count, waiting = scratch.lanes[0], min(LANES, last - first), first
-    for k in range(count):
-        lane["ball"][k], lane["rolls"][k], lane["rolled"][k] = -1, 0, 0
-    rolling = True
-    while rolling:
-        rolling = False
-        for k in range(count):
-            while lane["rolls"][k] == 0 and (lane["ball"][k] >= 0 or waiting < last):
-                if lane["ball"][k] < 0:
-                    lane["ball"][k], waiting = waiting, waiting + 1
-                i = lane["ball"][k]
-                if not _walk(scene, scratch, k, i, max_steps, balls, path, log):
-                    lane["ball"][k] = -1
-            rolling |= lane["rolls"][k] != 0
-        for _ in range(TOGETHER):
-            if roll(scene, scratch.lanes, count) == 0:
+    slots = scratch.rolling_batch[0]
+    num_slots = min(SIMD_WIDTH, last - first)
+    for k in range(num_slots):
+        slots["ball"][k] = -1
+        slots["active"][k] = 0
+        slots["steps_done"][k] = 0
+
+    next_ball = first
+    any_active = True
+    while any_active:
+        # Advance the ball of each inactive slot until it rolls on flat ground or its run ends; then take the next ball.
+        any_active = False
+        for k in range(num_slots):
+            while slots["active"][k] == 0 and (slots["ball"][k] >= 0 or next_ball < last):
+                if slots["ball"][k] < 0:
+                    slots["ball"][k] = next_ball
+                    next_ball += 1
+                if not _advance_alone(scene, scratch, k, slots["ball"][k], max_steps, balls, path, log):
+                    slots["ball"][k] = -1
+            any_active |= slots["active"][k] != 0
+
+        # Advance all active slots together.
+        for _ in range(ROLLING_STEPS_PER_CHECK):
+            if step_rolling(scene, scratch.rolling_batch, num_slots) == 0:
                 break
 
 
-@merged_kernel
-def _walk(
-    scene: Scene, scratch: Scratch, k: int, i: int, max_steps: int, balls: Balls, path: FloatArray, log: FloatArray
+@inlined_kernel
+def _advance_alone(
+    scene: CompiledScene,
+    scratch: Scratch,
+    k: int,
+    i: int,
+    max_steps: int,
+    balls: Balls,
+    path: FloatArray,
+    log: FloatArray,
 ) -> bool:
-    """Take steps with ball i alone until it may roll on in lane k, or its run ends; return whether it may."""
-    lane, near, result = scratch.lanes[0], scratch.near, balls.results[i]
-    p, v, smooth = vec3(balls.positions[i]), vec3(balls.velocities[i]), ZERO
-    steps, bounces, exhausted = result["steps"], result["bounces"], result["exhausted"]
-    if lane["rolled"][k] > 0:  # It comes from the lane.
-        p, v, smooth = column(lane["p"], k), column(lane["v"], k), ZERO + 1
-        steps, lane["rolled"][k] = steps + lane["rolled"][k], 0
-    status, left, rolls = TIME_LIMIT, 0.0, False
-    while steps < max_steps:
-        # Where the ground is not level it seldom is a step later: looks that fail become rare.
-        if smooth > 0 and smooth & (smooth - 1) == 0 and len(path) == 0:
-            rolls = enter(scene, near.walk, scratch.contacts, scratch.lanes, k, p, v)
-        if rolls:
-            lane["left"][k] = max_steps - steps
+    """Advance ball i alone until it enters slot k of the rolling batch or its run ends; return whether it entered."""
+    slots = scratch.rolling_batch[0]
+    cache = scratch.cache
+    result = balls.results[i]
+    p = vec3(balls.positions[i])
+    v = vec3(balls.velocities[i])
+    steps = result["steps"]
+    bounces = result["bounces"]
+    exhausted = result["exhausted"]
+
+    # Take the ball back from the rolling batch.
+    rolling_steps = INT64_ZERO  # Number of consecutive steps in which the ball did nothing but roll.
+    if slots["steps_done"][k] > 0:
+        p = column(slots["p"], k)
+        v = column(slots["v"], k)
+        rolling_steps = INT64_ZERO + 1
+        steps += slots["steps_done"][k]
+        slots["steps_done"][k] = 0
+
+    status = STATUS_TIME_LIMIT
+    time_left = 0.0
+    entered = False
+    while steps < max_steps and _has_room(path, log, steps, bounces):
+        # Exponential back-off: try to enter the rolling batch after 1, 2, 4, 8, ... rolling steps.
+        if rolling_steps > 0 and rolling_steps & (rolling_steps - 1) == 0 and len(path) == 0:
+            entered = try_enter(scene, cache.traversal, scratch.contacts, scratch.rolling_batch, k, p, v)
+        if entered:
+            slots["steps_left"][k] = max_steps - steps
             break
+
+        # Take a time step.
         ball = step(scene, scratch, p, v, log, bounces, steps * scene.dt)
-        smooth = smooth + 1 if ball.sub_steps == 2 and ball.bounces == bounces and is_short(near) else ZERO
-        lane["ground"][k] = near.cylinder[0]["met"]
-        p, v, bounces, exhausted, steps = ball.p, ball.v, ball.bounces, exhausted + int(ball.exhausted), steps + 1
-        _trace(path, steps, p, ball.sub_steps)
+        is_rolling = ball.num_substeps == 2 and ball.bounces == bounces and has_spare_capacity(cache)
+        rolling_steps = rolling_steps + 1 if is_rolling else INT64_ZERO
+        slots["support"][k] = cache.state[0]["last_hit"]
+        p = ball.p
+        v = ball.v
+        bounces = ball.bounces
+        exhausted += int(ball.exhausted)
+        steps += 1
+        _record_path(path, steps, p, ball.num_substeps)
+
+        # End the run at rest or out of bounds.
         if ball.resting:
-            status, left = REST, ball.left
+            status = STATUS_REST
+            time_left = ball.time_left
             break
-        if not _within(p, scene.lower, scene.upper):
-            status = OUT_OF_BOUNDS
+        if not _is_within_bounds(p, scene.lower, scene.upper):
+            status = STATUS_OUT_OF_BOUNDS
             break
+
     store(balls.positions[i], p)
     store(balls.velocities[i], v)
-    result["status"], result["steps"], result["bounces"], result["exhausted"] = status, steps, bounces, exhausted
-    result["time"] = (steps - 1) * scene.dt + (scene.dt - left) if status == REST else steps * scene.dt
-    return rolls
+    result["status"] = status
+    result["steps"] = steps
+    result["bounces"] = bounces
+    result["exhausted"] = exhausted
+    result["time"] = (steps - 1) * scene.dt + (scene.dt - time_left) if status == STATUS_REST else steps * scene.dt
+    return entered
 
 
-@entry_kernel
+@device_function
+def _has_room(path: FloatArray, log: FloatArray, steps: int, bounces: int) -> bool:
+    """Return whether one more step, with a bounce in each sub-step, fits in the record; always, if none is kept."""
+    return len(path) == 0 or (steps + 1 < len(path) and bounces + MAX_SUBSTEPS <= len(log))
+
+
+@kernel
 def sweep_range(
     first: int,
     last: int,
-    scene: Scene,
-    walk: RecordArray,
+    scene: CompiledScene,
+    traversal: RecordArray,
     starts: FloatArray,
     paths: FloatArray,
     alphas: FloatArray,
     normals: FloatArray,
     triangles: NDArray[np.int64],
 ) -> None:
-    """Sweep balls first to last - 1 of a batch along paths (N, 3) and write alpha, normal and triangle."""
+    """Sweep balls first to last - 1 of a batch along paths (N, 3), and write alpha, normal and triangle."""
     for i in range(first, last):
-        hit = sweep(scene, walk, vec3(starts[i]), vec3(paths[i]))
-        alphas[i], triangles[i] = hit.alpha, hit.order
+        hit = sweep(scene, traversal, vec3(starts[i]), vec3(paths[i]))
+        alphas[i] = hit.alpha
+        triangles[i] = hit.triangle_id
         store(normals[i], hit.normal)
 
 
-@entry_kernel
+@kernel
 def clearance_range(
-    first: int, last: int, scene: Scene, walk: RecordArray, positions: FloatArray, clearances: FloatArray
+    first: int, last: int, scene: CompiledScene, traversal: RecordArray, positions: FloatArray, clearances: FloatArray
 ) -> None:
-    """Write the distance from the skin of balls first to last - 1 to the nearest triangle."""
+    """Write the distance from the surface of balls first to last - 1 to the nearest triangle."""
     for i in range(first, last):
-        clearances[i] = distance(scene, walk, vec3(positions[i])) - scene.radius
+        clearances[i] = distance_to_nearest(scene, traversal, vec3(positions[i])) - scene.radius
 
 
-@entry_kernel
-def doubt_range(
-    first: int, last: int, scene: Scene, walk: RecordArray, positions: FloatArray, doubts: NDArray[np.bool_]
+@kernel
+def possible_overlap_range(
+    first: int, last: int, scene: CompiledScene, traversal: RecordArray, positions: FloatArray, flags: NDArray[np.bool_]
 ) -> None:
-    """Write whether balls first to last - 1 may be deeper than ``eps`` in a triangle; the others surely are not."""
+    """Write whether balls first to last - 1 may be deeper than eps in a triangle; the others surely are not."""
     for i in range(first, last):
-        doubts[i] = is_near(scene, walk, vec3(positions[i]), scene.radius - 1.5 * scene.eps)
+        flags[i] = any_triangle_within(scene, traversal, vec3(positions[i]), scene.radius - 1.5 * scene.eps)

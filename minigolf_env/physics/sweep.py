@@ -1,4 +1,4 @@
-"""Queries on the whole scene: the first collision of a moving ball, the distance to the nearest triangle."""
+"""Queries on the whole scene: the first hit of a moving ball, and the distance to the nearest triangle."""
 
 from __future__ import annotations
 
@@ -6,108 +6,107 @@ from typing import NamedTuple
 
 import numpy as np
 
-from minigolf_env.physics.jit import entry_kernel, kernel
-from minigolf_env.physics.swept_sphere import LATER, MISS, offset, sweep_triangle
-from minigolf_env.physics.traversal import begin, next_leaf_on_path, next_leaf_within
-from minigolf_env.physics.types import TRUE, ZERO, RecordArray, Scene, Vec3
+from minigolf_env.physics.jit import device_function, kernel
+from minigolf_env.physics.swept_sphere import ALPHA_DEFERRED, ALPHA_MISS, closest_point_offset, sweep_triangle
+from minigolf_env.physics.traversal import next_leaf_in_radius, next_leaf_in_sweep, start_traversal
+from minigolf_env.physics.types import BOOL_TRUE, INT64_ZERO, CompiledScene, RecordArray, Vec3
 from minigolf_env.physics.vec3 import dot, norm, scale
 
 
 class Collision(NamedTuple):
-    """The first collision of a path in the kernels' terms."""
+    """The first hit along a path, in compiled code; ``Hit`` is its public form."""
 
     alpha: float
-    """Share of the path before it; ``MISS`` without one."""
+    """Hit fraction; ``ALPHA_MISS`` without a hit."""
     normal: Vec3
-    """From the surface to the centre."""
+    """Unit contact normal, from the surface to the ball's centre."""
     row: int
-    """Row of the triangle in the scene; -1 without one."""
-    order: int
-    """The caller's number of the triangle, which settles ties."""
+    """Row of the triangle in the scene; -1 without a hit."""
+    triangle_id: int
+    """Index of the triangle in the caller's order; -1 without a hit."""
 
 
-@kernel
-def no_collision() -> Collision:
-    """Return the collision of a path that meets nothing."""
-    return Collision(MISS, Vec3(0.0, 0.0, 0.0), -1, -1)
+@device_function
+def no_hit() -> Collision:
+    """Return the result of a path without a hit."""
+    return Collision(ALPHA_MISS, Vec3(0.0, 0.0, 0.0), -1, -1)
 
 
-@kernel
-def earlier(new: Collision, old: Collision, w: Vec3) -> Collision:
-    """Return the collision that counts: the smaller alpha, then the steeper approach, then the lower triangle.
+@device_function
+def first_hit(new: Collision, old: Collision, w: Vec3) -> Collision:
+    """Return the first of two hits: the smaller alpha, then the steeper approach, then the lower triangle_id.
 
-    A total order, so that the answer does not depend on the order in which triangles are met.
+    This is a total order: the result does not depend on the order in which triangles are tested.
     """
     if new.alpha != old.alpha:
         return new if new.alpha < old.alpha else old
     steeper = dot(w, old.normal) - dot(w, new.normal)
     if steeper != 0.0:
         return new if steeper > 0.0 else old
-    return new if new.order < old.order else old
+    return new if new.triangle_id < old.triangle_id else old
 
 
-@entry_kernel
-def sweep(scene: Scene, walk: RecordArray, p: Vec3, w: Vec3) -> Collision:
-    """Return the first collision of the ball on its way from p to p + w.
+@kernel
+def sweep(scene: CompiledScene, traversal: RecordArray, p: Vec3, w: Vec3) -> Collision:
+    """Return the first hit of the ball on its way from p to p + w.
 
-    Only the path before the best collision so far is looked at: within twice the tolerance, so that rounding loses no
-    tie.
+    Boxes beyond the first hit so far are culled, with twice the tolerance to spare: rounding loses no tie.
     """
-    best = no_collision()
+    best = no_hit()
     reach = scene.radius + 2.0 * scene.eps
-    begin(walk)
-    size = ZERO + 1
+    start_traversal(traversal)
+    size = INT64_ZERO + 1
     while size > 0:
-        first, size = next_leaf_on_path(scene.nodes, walk, p, scale(w, best.alpha), reach)
+        first, size = next_leaf_in_sweep(scene.nodes, traversal, p, scale(w, best.alpha), reach)
         for i in range(first, first + size):
-            best, _ = sooner(scene.triangles, i, p, w, scene.radius, scene.eps, best, TRUE)
+            best, _ = update_first_hit(scene.triangles, i, p, w, scene.radius, scene.eps, best, BOOL_TRUE)
     return best
 
 
-@entry_kernel
-def sweep_scan(triangles: RecordArray, p: Vec3, w: Vec3, radius: float, eps: float) -> Collision:
-    """Return the first collision with any of the triangles, by looking at every one: the definition."""
-    best = no_collision()
+@kernel
+def sweep_brute_force(triangles: RecordArray, p: Vec3, w: Vec3, radius: float, eps: float) -> Collision:
+    """Return the first hit with any triangle by testing every one: the definition of ``sweep``."""
+    best = no_hit()
     for i in range(len(triangles)):
-        best, _ = sooner(triangles, i, p, w, radius, eps, best, TRUE)
+        best, _ = update_first_hit(triangles, i, p, w, radius, eps, best, BOOL_TRUE)
     return best
 
 
-@kernel
-def sooner(
-    triangles: RecordArray, i: int, p: Vec3, w: Vec3, radius: float, eps: float, best: Collision, borders: bool
+@device_function
+def update_first_hit(
+    triangles: RecordArray, i: int, p: Vec3, w: Vec3, radius: float, eps: float, best: Collision, test_edges: bool
 ) -> tuple[Collision, bool]:
-    """Return the collision with triangle i if it counts before the best one so far, which it is otherwise.
+    """Return the first of ``best`` and the hit with triangle i, and whether a test of i's edges was deferred.
 
-    Without ``borders`` there may be one at the triangle's border, which is told by the second value.
+    Edges are only tested with ``test_edges``.
     """
-    alpha, normal = sweep_triangle(p, w, radius, eps, triangles[i], best.alpha, borders)
-    if alpha >= MISS:
-        return best, alpha == LATER
-    return earlier(Collision(alpha, normal, i, triangles[i]["number"]), best, w), False
+    alpha, normal = sweep_triangle(p, w, radius, eps, triangles[i], best.alpha, test_edges)
+    if alpha >= ALPHA_MISS:
+        return best, alpha == ALPHA_DEFERRED
+    return first_hit(Collision(alpha, normal, i, triangles[i]["triangle_id"]), best, w), False
 
 
-@kernel
-def distance(scene: Scene, walk: RecordArray, p: Vec3) -> float:
-    """Return the distance from the point p to the nearest triangle."""
+@device_function
+def distance_to_nearest(scene: CompiledScene, traversal: RecordArray, p: Vec3) -> float:
+    """Return the distance from the point p to the nearest triangle, m."""
     best = np.inf
-    begin(walk)
-    size = ZERO + 1
+    start_traversal(traversal)
+    size = INT64_ZERO + 1
     while size > 0:
-        first, size = next_leaf_within(scene.nodes, walk, p, best)
+        first, size = next_leaf_in_radius(scene.nodes, traversal, p, best)
         for i in range(first, first + size):
-            best = min(best, norm(offset(scene.triangles[i], p)))
+            best = min(best, norm(closest_point_offset(scene.triangles[i], p)))
     return best
 
 
-@kernel
-def is_near(scene: Scene, walk: RecordArray, p: Vec3, reach: float) -> bool:
-    """Return whether a triangle is nearer than ``reach`` to the point p: sooner told than how near the nearest is."""
-    begin(walk)
-    size = ZERO + 1
+@device_function
+def any_triangle_within(scene: CompiledScene, traversal: RecordArray, p: Vec3, reach: float) -> bool:
+    """Return whether a triangle is closer than ``reach`` to the point p; cheaper than the distance to the nearest."""
+    start_traversal(traversal)
+    size = INT64_ZERO + 1
     while size > 0:
-        first, size = next_leaf_within(scene.nodes, walk, p, reach)
+        first, size = next_leaf_in_radius(scene.nodes, traversal, p, reach)
         for i in range(first, first + size):
-            if norm(offset(scene.triangles[i], p)) < reach:
+            if norm(closest_point_offset(scene.triangles[i], p)) < reach:
                 return True
     return False

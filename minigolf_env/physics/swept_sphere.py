@@ -1,10 +1,19 @@
-"""The time of first contact of a moving sphere with one triangle, exact to rounding.
+"""Time of impact of a swept sphere and one triangle, exact to rounding.
 
-A triangle is not met before its plane; where the sphere meets the plane within the triangle, that is the contact, in
-closed form. Elsewhere it can only be at the border. The distance from a point on a line to a convex set is convex in
-time, so Newton's method on phi(t) = distance(p + t w, triangle) - r, from the time of the plane on, rises monotonically
-to the first contact and can neither pass nor miss it; triangles that stay out of reach are told apart before it starts.
-Everything is computed relative to the sphere's start: corners are small numbers where it matters.
+Let phi(t) = distance(p + t w, triangle) - radius be the gap at the fraction t of the path. The first hit is the first
+zero of phi. It is found in two steps:
+
+1. A sphere cannot touch a triangle before it touches the triangle's plane. Where it touches the plane over the face,
+   that is the hit, in closed form.
+2. Elsewhere the hit can only be at an edge or a corner. The distance from a point on a line to a convex set is convex
+   in t, so that Newton's method on phi, started when the plane is touched, rises monotonically to the first zero: it
+   can neither overshoot nor miss it. Cheap bounds reject most triangles that stay out of reach before it starts.
+
+Example: a sphere of radius 0.2 falls from (0.2, 0.2, 1) to (0.2, 0.2, 0), onto the triangle (0, 0, 0), (1, 0, 0),
+(0, 1, 0). It touches the plane at t = (1 - 0.2) / 1 = 0.8, with its centre over the face: alpha = 0.8, normal (0, 0,
+1). From (0.5, -0.1, 1) it touches the plane beside the triangle; Newton's method finds the edge at t = 1 - sqrt(0.03).
+
+All is computed relative to the sphere's start, so that corners are small numbers where it matters.
 """
 
 from __future__ import annotations
@@ -13,211 +22,256 @@ import math
 
 import numpy as np
 
-from minigolf_env.physics.jit import kernel
+from minigolf_env.physics.jit import device_function
 from minigolf_env.physics.types import Vec3
-from minigolf_env.physics.vec3 import add, along, dot, norm, scale, sub, vec3
+from minigolf_env.physics.vec3 import add, dot, mul_add, norm, scale, sub, vec3
 
-MISS = 1.0
-"""The share of the path of a sphere that meets nothing."""
+ALPHA_MISS = 1.0
+"""Hit fraction of a path without a hit."""
 
-LATER = 2.0
-"""Stands for the share of a path that may end at a triangle's border, which is not looked at yet."""
+ALPHA_DEFERRED = 2.0
+"""Stands for a hit fraction where the face is not hit and the edges have not been tested yet."""
 
-PARALLEL = 2.0**-47
-"""An approach slower than this share of the speed is rounding (some units in the last place), not an approach."""
+PARALLEL_TOLERANCE = 2.0**-47
+"""Largest ratio of approach speed to speed that is rounding (some units in the last place), not an approach."""
 
-MAX_NEWTON = 64
-"""Iterations; 3 on average and 18 at most for the borders met in the reference data. Stopping early is never late."""
+MAX_NEWTON_ITERATIONS = 64
+"""Maximum number of Newton iterations; 3 on average and 18 at most for the edges and corners in the reference data.
+Stopping at the maximum gives an early time of impact, never a late one."""
+
+CLEARANCE_MARGIN = 0.875
+"""Tolerance of the test that rejects triangles beyond an edge, in eps: the other eighth is for rounding, so that what
+the test rejects never gets deeper than eps."""
 
 
-@kernel
+@device_function
 def closest_on_segment(a: Vec3, ab: Vec3) -> Vec3:
     """Return the point closest to the origin on the segment from a to a + ab (which may be a point)."""
-    length2 = dot(ab, ab)
-    if length2 == 0.0:
+    length_sq = dot(ab, ab)
+    if length_sq == 0.0:
         return a
-    return along(a, min(1.0, max(0.0, -dot(a, ab) / length2)), ab)
+    return mul_add(a, min(1.0, max(0.0, -dot(a, ab) / length_sq)), ab)
 
 
-@kernel
+@device_function
 def closest_point(a: Vec3, e: Vec3, f: Vec3, n: Vec3, u: Vec3, v: Vec3) -> Vec3:
-    """Return the point closest to the origin of a TRIANGLE whose corner a is given relative to it.
+    """Return the closest point to the origin of a triangle, given as in TRIANGLE_DTYPE with a relative to the origin.
 
-    Above the face it is the foot on the plane, elsewhere the nearest point of the edges that the origin is beyond: near
-    a border both are the same point, so a wrong choice by rounding does no harm. A triangle without area is its edges.
+    Over the face it is the origin's projection on the plane, elsewhere the nearest point of the edges that the origin
+    is beyond. Near an edge both are the same point, so that a wrong choice by rounding does no harm. A triangle
+    without area is its edges.
     """
     x, y = -dot(a, u), -dot(a, v)
-    best, q = math.inf, scale(n, dot(a, n))
+    best_sq = math.inf
+    q = scale(n, dot(a, n))
     if y <= 0.0:
-        best, q = _closer(best, q, closest_on_segment(a, e))
+        best_sq, q = _nearer_point(best_sq, q, closest_on_segment(a, e))
     if x <= 0.0:
-        best, q = _closer(best, q, closest_on_segment(a, f))
+        best_sq, q = _nearer_point(best_sq, q, closest_on_segment(a, f))
     if x + y >= 1.0:
-        best, q = _closer(best, q, closest_on_segment(add(a, e), sub(f, e)))
+        best_sq, q = _nearer_point(best_sq, q, closest_on_segment(add(a, e), sub(f, e)))
     return q
 
 
-@kernel
-def _closer(best: float, q: Vec3, candidate: Vec3) -> tuple[float, Vec3]:
-    distance2 = dot(candidate, candidate)
-    if distance2 < best:
-        return distance2, candidate
-    return best, q
+@device_function
+def _nearer_point(best_sq: float, q: Vec3, candidate: Vec3) -> tuple[float, Vec3]:
+    """Return the nearer of a candidate and the point q, and its squared distance from the origin."""
+    distance_sq = dot(candidate, candidate)
+    if distance_sq < best_sq:
+        return distance_sq, candidate
+    return best_sq, q
 
 
-@kernel
+@device_function
 def sweep_triangle(
-    p: Vec3, w: Vec3, radius: float, eps: float, triangle: np.void, latest: float, borders: bool
+    p: Vec3, w: Vec3, radius: float, eps: float, triangle: np.void, max_fraction: float, test_edges: bool
 ) -> tuple[float, Vec3]:
-    """Return when a sphere that moves from p to p + w first collides with a TRIANGLE, and the unit normal there.
+    """Return the fraction of the path p to p + w before a sphere first hits a triangle, and the unit contact normal.
 
-    The time is the share of the path, in [0, 1); ``MISS`` stands for no collision, and for one later than ``latest``.
-    Without ``borders`` it may be ``LATER`` instead: they are most of the work, and an earlier ``latest`` may spare it.
-    Colliding is touching (within eps) and approaching so that the rest of the path would end deeper than eps.
+    A hit is touching (within eps) and approaching such that the rest of the path would end deeper than eps. The
+    fraction is in [0, 1), ``ALPHA_MISS`` without a hit up to ``max_fraction``. Without ``test_edges`` it may be
+    ``ALPHA_DEFERRED``: edges are most of the work, and a smaller ``max_fraction``, from other faces, may spare it.
     """
+    # Reject a one-sided triangle from behind, and a path that stays on one side of the plane and clear of it.
     n = vec3(triangle["n"])
     wn = dot(w, n)
     if triangle["one_sided"] and wn >= 0.0:
-        return MISS, n
+        return ALPHA_MISS, n
     a = sub(vec3(triangle["a"]), p)
     height = -dot(a, n)
     if min(height, height + wn) >= radius - eps or max(height, height + wn) <= eps - radius:
-        return MISS, n
+        return ALPHA_MISS, n
+
+    # Find when the sphere touches the plane: no hit is earlier. Over the face, that is the hit.
     u = vec3(triangle["u"])
     v = vec3(triangle["v"])
-    t, gap, rate = 0.0, abs(height) - radius, abs(wn)
+    t = 0.0
+    gap = abs(height) - radius
+    rate = abs(wn)
     if height * wn < 0.0:
-        # A triangle is not met before its plane. Where the plane is met within the triangle, that is all.
         if gap > eps:
             t = gap / rate
-        if t > latest:
-            return MISS, n
+        if t > max_fraction:
+            return ALPHA_MISS, n
         t_deep = max(t, (gap + eps) / rate)
         if (
             gap >= -2.0 * eps
-            and approaches(-rate, w)
-            and _is_inside(-dot(a, u), -dot(a, v), dot(w, u), dot(w, v), t)
-            and _is_inside(-dot(a, u), -dot(a, v), dot(w, u), dot(w, v), t_deep)
+            and is_approaching(-rate, w)
+            and _is_over_face(-dot(a, u), -dot(a, v), dot(w, u), dot(w, v), t)
+            and _is_over_face(-dot(a, u), -dot(a, v), dot(w, u), dot(w, v), t_deep)
         ):
             return t, scale(n, math.copysign(1.0, height))
-    if not may_come_near(a, n, u, v, w, t, latest, radius + 2.0 * eps):
-        return MISS, n
-    if not borders:
-        return LATER, n
-    # An eighth of the tolerance is for rounding: what stays off by this never goes deeper than eps.
-    if _stays_off(a, n, u, v, w, t, radius - 0.875 * eps):
-        return MISS, n
+
+    # Reject triangles that the sphere surely stays clear of.
+    if not may_overlap(a, n, u, v, w, t, max_fraction, radius + 2.0 * eps):
+        return ALPHA_MISS, n
+    if not test_edges:
+        return ALPHA_DEFERRED, n
+    if _stays_clear(a, n, u, v, w, t, radius - CLEARANCE_MARGIN * eps):
+        return ALPHA_MISS, n
+
+    # Find the time of impact with an edge or a corner.
     e = vec3(triangle["e"])
     f = vec3(triangle["f"])
-    t, normal = _newton(a, e, f, n, u, v, w, t, radius, eps, latest)
+    t, normal = _first_contact_newton(a, e, f, n, u, v, w, t, radius, eps, max_fraction)
+
+    # A hit at an edge, but flush with the face, is a ball that rolls over a seam: it has the face's normal, and only
+    # counts if the ball approaches the face.
     if abs(height + t * wn) >= radius - 2.0 * eps and height * wn < 0.0:
-        # Met at a border, but flat: what a ball that rolls over a seam meets is the face, and only if it approaches.
-        if not approaches(-abs(wn), w):
-            return MISS, n
+        if not is_approaching(-abs(wn), w):
+            return ALPHA_MISS, n
         normal = scale(n, math.copysign(1.0, height))
     return t, normal
 
 
-@kernel
-def approaches(rate: float, w: Vec3) -> bool:
-    """Return whether a distance that changes at this rate on the way w shrinks, by more than rounding."""
-    return rate < 0.0 and rate * rate > PARALLEL * PARALLEL * dot(w, w)
+@device_function
+def is_approaching(rate: float, w: Vec3) -> bool:
+    """Return whether a distance that changes by ``rate`` over the path w shrinks, by more than rounding."""
+    return rate < 0.0 and rate * rate > PARALLEL_TOLERANCE * PARALLEL_TOLERANCE * dot(w, w)
 
 
-@kernel
-def _is_inside(x: float, y: float, speed_x: float, speed_y: float, t: float) -> bool:
-    """Return whether the centre is above the face at time t, given its coordinates along the edges at 0."""
-    x, y = x + t * speed_x, y + t * speed_y
+@device_function
+def _is_over_face(x0: float, y0: float, rate_x: float, rate_y: float, t: float) -> bool:
+    """Return whether the centre is over the face at t, given its coordinates along the edges at 0 and their rates."""
+    x = x0 + t * rate_x
+    y = y0 + t * rate_y
     return x > 0.0 and y > 0.0 and x + y < 1.0
 
 
-@kernel
-def may_come_near(a: Vec3, n: Vec3, u: Vec3, v: Vec3, w: Vec3, t: float, end: float, reach: float) -> bool:
-    """Return whether the centre may be within ``reach`` of a triangle between two times: false only if it never is.
+@device_function
+def may_overlap(a: Vec3, n: Vec3, u: Vec3, v: Vec3, w: Vec3, t: float, end: float, reach: float) -> bool:
+    """Return whether the centre may be within ``reach`` of a triangle from t to ``end``: false only if it never is.
 
-    Cheaper than a distance: the height above the plane, and how far the centre's foot stays beyond one of the edges.
-    Without a branch, for loops of vector instructions.
+    Cheaper than a distance: it uses the height over the plane, and how far the centre stays beyond one of the edges.
+    Branch-free, for SIMD loops.
     """
-    height, height_end = dot(a, n) - t * dot(w, n), dot(a, n) - end * dot(w, n)
-    lowest = min(abs(height), abs(height_end)) if height * height_end > 0.0 else 0.0
-    room = reach * reach - lowest * lowest
-    x, y = t * dot(w, u) - dot(a, u), t * dot(w, v) - dot(a, v)
+    # The lowest height on the path leaves the largest reach beside the triangle.
+    height_start = dot(a, n) - t * dot(w, n)
+    height_end = dot(a, n) - end * dot(w, n)
+    lowest = min(abs(height_start), abs(height_end)) if height_start * height_end > 0.0 else 0.0
+    reach_beside_sq = reach * reach - lowest * lowest
+
+    # Coordinates along the edges: the centre is beyond an edge where its coordinate is negative at both ends.
+    x_start, y_start = t * dot(w, u) - dot(a, u), t * dot(w, v) - dot(a, v)
     x_end, y_end = end * dot(w, u) - dot(a, u), end * dot(w, v) - dot(a, v)
-    beyond_x, beyond_y, beyond_z = max(x, x_end), max(y, y_end), max(1.0 - x - y, 1.0 - x_end - y_end)
+    x = max(x_start, x_end)
+    y = max(y_start, y_end)
+    z = max(1.0 - x_start - y_start, 1.0 - x_end - y_end)
     uv = add(u, v)
-    off = (beyond_x < 0.0) & (beyond_x * beyond_x > room * dot(u, u))
-    off |= (beyond_y < 0.0) & (beyond_y * beyond_y > room * dot(v, v))
-    off |= (beyond_z < 0.0) & (beyond_z * beyond_z > room * dot(uv, uv))
-    return not (off | (room < 0.0))
+    is_clear = (x < 0.0) & (x * x > reach_beside_sq * dot(u, u))
+    is_clear |= (y < 0.0) & (y * y > reach_beside_sq * dot(v, v))
+    is_clear |= (z < 0.0) & (z * z > reach_beside_sq * dot(uv, uv))
+    return not (is_clear | (reach_beside_sq < 0.0))
 
 
-@kernel
-def _stays_off(a: Vec3, n: Vec3, u: Vec3, v: Vec3, w: Vec3, t: float, depth: float) -> bool:
-    """Return whether the centre, from time t on, stays ``depth`` away from a triangle: true only if it surely does.
+@device_function
+def _stays_clear(a: Vec3, n: Vec3, u: Vec3, v: Vec3, w: Vec3, t: float, depth: float) -> bool:
+    """Return whether the centre stays ``depth`` away from a triangle from t on: true only if it surely does.
 
-    A triangle lies in the half plane behind each of its edges and is no nearer than that: a ball that rolls off over an
-    edge, touching it all but along the tangent, takes Newton's method a dozen iterations and this a division.
+    A triangle lies in the half plane behind each of its edges and is no nearer than that. For a ball that rolls off
+    over an edge, nearly along the tangent, Newton's method takes a dozen iterations, and this test a division.
     """
-    height, climb = -dot(a, n), dot(w, n)
-    x, y, speed_x, speed_y = -dot(a, u), -dot(a, v), dot(w, u), dot(w, v)
+    height = -dot(a, n)
+    climb = dot(w, n)
+    x, y = -dot(a, u), -dot(a, v)
+    rate_x, rate_y = dot(w, u), dot(w, v)
     uv = add(u, v)
     return (
-        _stays_off_edge(-x, -speed_x, dot(u, u), height, climb, t, depth)
-        or _stays_off_edge(-y, -speed_y, dot(v, v), height, climb, t, depth)
-        or _stays_off_edge(x + y - 1.0, speed_x + speed_y, dot(uv, uv), height, climb, t, depth)
+        _stays_clear_of_edge(-x, -rate_x, dot(u, u), height, climb, t, depth)
+        or _stays_clear_of_edge(-y, -rate_y, dot(v, v), height, climb, t, depth)
+        or _stays_clear_of_edge(x + y - 1.0, rate_x + rate_y, dot(uv, uv), height, climb, t, depth)
     )
 
 
-@kernel
-def _stays_off_edge(
-    beyond: float, speed: float, stretch: float, height: float, climb: float, t: float, depth: float
+@device_function
+def _stays_clear_of_edge(
+    beyond: float, rate: float, stretch_sq: float, height: float, climb: float, t: float, depth: float
 ) -> bool:
-    """Return whether the centre is beyond an edge when it comes nearest to its line, and ``depth`` away from it.
+    """Return whether the centre is beyond an edge when it comes nearest to the edge's line, and ``depth`` away from it.
 
-    ``beyond`` and its ``speed`` are lengths times the root of ``stretch``. Without area all are zero: false.
+    ``beyond`` and its ``rate`` are lengths times the root of ``stretch_sq``. Without area all are zero: false.
     """
-    nearest = -(beyond * speed + stretch * height * climb) / (speed * speed + stretch * climb * climb)
+    nearest = -(beyond * rate + stretch_sq * height * climb) / (rate * rate + stretch_sq * climb * climb)
     nearest = min(1.0, max(t, nearest))
-    x, z = beyond + nearest * speed, height + nearest * climb
-    return x > 0.0 and x * x + stretch * z * z >= stretch * depth * depth
+    x = beyond + nearest * rate
+    z = height + nearest * climb
+    return x > 0.0 and x * x + stretch_sq * z * z >= stretch_sq * depth * depth
 
 
-@kernel
-def _newton(
-    a: Vec3, e: Vec3, f: Vec3, n: Vec3, u: Vec3, v: Vec3, w: Vec3, t: float, radius: float, eps: float, latest: float
+@device_function
+def _first_contact_newton(
+    a: Vec3,
+    e: Vec3,
+    f: Vec3,
+    n: Vec3,
+    u: Vec3,
+    v: Vec3,
+    w: Vec3,
+    t: float,
+    radius: float,
+    eps: float,
+    max_fraction: float,
 ) -> tuple[float, Vec3]:
-    """Return the collision as ``sweep_triangle`` does, by Newton's method from a time t that is not too late."""
+    """Return the hit as ``sweep_triangle`` does, by Newton's method from a fraction t that is not too late."""
     normal = n
-    for _ in range(MAX_NEWTON):
-        q = closest_point(along(a, -t, w), e, f, n, u, v)
+    for _ in range(MAX_NEWTON_ITERATIONS):
+        # Evaluate the gap and its rate.
+        q = closest_point(mul_add(a, -t, w), e, f, n, u, v)
         distance = norm(q)
-        normal = _direction(q, distance, w, n)
-        gap, rate = distance - radius, dot(normal, w)
-        if not approaches(rate, w):
-            return MISS, normal
+        normal = _contact_normal(q, distance, w, n)
+        gap = distance - radius
+        rate = dot(normal, w)
+
+        # The gap is convex: once it does not shrink, it never will.
+        if not is_approaching(rate, w):
+            return ALPHA_MISS, normal
+
+        # Touching is a hit only if the rest of the path ends deeper than eps.
         if gap <= eps:
-            if gap + (1.0 - t) * rate >= -eps or not _goes_deeper(a, e, f, n, u, v, w, t, radius - eps):
-                return MISS, normal
+            if gap + (1.0 - t) * rate >= -eps or not _penetrates(a, e, f, n, u, v, w, t, radius - eps):
+                return ALPHA_MISS, normal
             return t, normal
+
+        # Take a Newton step, until rounding leaves none.
         next_t = t - gap / rate
-        if next_t >= 1.0 or next_t > latest:
-            return MISS, normal
+        if next_t >= 1.0 or next_t > max_fraction:
+            return ALPHA_MISS, normal
         if next_t <= t:
             return t, normal
         t = next_t
     return t, normal
 
 
-@kernel
-def _goes_deeper(a: Vec3, e: Vec3, f: Vec3, n: Vec3, u: Vec3, v: Vec3, w: Vec3, t: float, depth: float) -> bool:
-    """Return whether, after t, the centre comes closer than ``depth``: Newton's method once more, from a touch."""
-    for _ in range(MAX_NEWTON):
-        q = closest_point(along(a, -t, w), e, f, n, u, v)
+@device_function
+def _penetrates(a: Vec3, e: Vec3, f: Vec3, n: Vec3, u: Vec3, v: Vec3, w: Vec3, t: float, depth: float) -> bool:
+    """Return whether the centre comes closer than ``depth`` after t, by Newton's method from a touch at t."""
+    for _ in range(MAX_NEWTON_ITERATIONS):
+        q = closest_point(mul_add(a, -t, w), e, f, n, u, v)
         distance = norm(q)
-        rate = dot(_direction(q, distance, w, n), w)
+        rate = dot(_contact_normal(q, distance, w, n), w)
         if distance < depth:
             return True
-        if not approaches(rate, w):
+        if not is_approaching(rate, w):
             return False
         next_t = t - (distance - depth) / rate
         if next_t >= 1.0:
@@ -228,23 +282,23 @@ def _goes_deeper(a: Vec3, e: Vec3, f: Vec3, n: Vec3, u: Vec3, v: Vec3, w: Vec3, 
     return True
 
 
-@kernel
-def _direction(q: Vec3, distance: float, w: Vec3, n: Vec3) -> Vec3:
-    """Return the unit vector from the closest point q to the centre; against the motion where the centre lies on it."""
+@device_function
+def _contact_normal(q: Vec3, distance: float, w: Vec3, n: Vec3) -> Vec3:
+    """Return the unit vector from the closest point q to the centre; against the motion where the centre is on it."""
     if distance > 0.0:
         return scale(q, -1.0 / distance)
     if dot(w, n) != 0.0:
         return scale(n, -math.copysign(1.0, dot(w, n)))
-    against = sub(q, w)  # q is zero here; without it the compiler takes a root before every loop of sweeps.
+    against = sub(q, w)  # q is zero here; without it the compiler takes a square root before every loop of sweeps.
     speed = norm(against)
     if speed > 0.0:
         return scale(against, 1.0 / speed)
     return n
 
 
-@kernel
-def offset(triangle: np.void, p: Vec3) -> Vec3:
-    """Return the vector from p to the closest point of a TRIANGLE."""
+@device_function
+def closest_point_offset(triangle: np.void, p: Vec3) -> Vec3:
+    """Return the vector from p to the closest point of a triangle."""
     return closest_point(
         sub(vec3(triangle["a"]), p),
         vec3(triangle["e"]),

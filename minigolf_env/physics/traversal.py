@@ -1,151 +1,188 @@
-"""Walks through the tree of boxes: which leaves are near a path, or a point.
+"""Traversal of the bounding volume hierarchy: the leaves near a swept sphere, or near a point.
 
-A node's boxes are told apart together, in vector instructions. A walk keeps what it has yet to look into on a stack,
-the nearer boxes of a node on top, so that a collision there spares what is behind. It comes to a superset of the
-triangles that are needed; which ones changes no answer but a distance's last bit, only the cost.
+The child boxes of a node are tested together with SIMD instructions. Those that are hit are pushed on a stack far to
+near, so that the nearest is visited first and an early hit culls the rest. Example: a sphere of radius ``reach`` sweeps
+from p to p + w, and w is shortened at each hit that is found::
+
+    start_traversal(traversal)                                                # stack: [root]
+    first, size = next_leaf_in_sweep(nodes, traversal, p, w, reach)           # pop the root, push its children 5, 2;
+                                                                              # pop 2, a leaf: triangles 8 to 10
+    first, size = next_leaf_in_sweep(nodes, traversal, p, alpha * w, reach)   # pop 5, test against the shorter path
+    ...                                                                       # until size is 0
+
+The leaves are a superset of those needed. Which others are visited changes the cost and, apart from the last bit of a
+distance, no result.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from minigolf_env.physics.jit import kernel
-from minigolf_env.physics.types import WIDTH, ZERO, RecordArray, Vec3
+from minigolf_env.physics.jit import device_function
+from minigolf_env.physics.types import BVH_WIDTH, INT64_ZERO, RecordArray, Vec3
 from minigolf_env.physics.vec3 import add, column, dot, norm, scale, sub
 
-STACK = 4096
-"""Places on a walk's stack. A box has at most 31 of 32 of its node's triangles (``bvh.LOPSIDED``), so that 10^8
-triangles make 540 levels at most, each of which leaves WIDTH - 1 boxes to look into."""
+MAX_STACK_DEPTH = 4096
+"""Capacity of the traversal stack. A child has at most 31/32 of its node's triangles (``bvh.MAX_SPLIT_RATIO``), so that
+10^8 triangles make at most 540 levels, each of which leaves at most BVH_WIDTH - 1 children on the stack."""
 
-WALK = np.dtype(
+TRAVERSAL_DTYPE = np.dtype(
     [
-        ("stack", "i8", (STACK,)),
-        ("waiting", "i8"),
-        ("near", "i8", (WIDTH,)),
-        ("order", "f8", (WIDTH,)),
+        ("stack", "i8", (MAX_STACK_DEPTH,)),  # children to visit, coded as in NODE_DTYPE; the next one is on top
+        ("stack_size", "i8"),
+        ("hit_mask", "i8", (BVH_WIDTH,)),  # 1 for each child of the current node that is hit, else 0
+        ("sort_key", "f8", (BVH_WIDTH,)),  # the child with the highest key is visited first
     ]
 )
-"""What is to be looked into, as a node's ``inside`` names it, the next on top, and how many wait there; which boxes of
-a node are near, and their order: that of the highest is looked into first."""
+"""State of one traversal."""
 
 
-def new_walk() -> RecordArray:
-    """Return memory (1,) for the walks of one thread, one at a time: each writes what it reads."""
-    return np.empty(1, WALK)
+def new_traversal() -> RecordArray:
+    """Return memory (1,) for the traversals of one thread, one at a time; it needs no initial value."""
+    return np.empty(1, TRAVERSAL_DTYPE)
 
 
-@kernel
-def begin(walk: RecordArray) -> None:
-    """Begin a walk, with nothing but the root to look into."""
-    walk[0]["stack"][0], walk[0]["waiting"] = 0, 1
+@device_function
+def start_traversal(traversal: RecordArray) -> None:
+    """Start a traversal with the root alone on the stack."""
+    state = traversal[0]
+    state["stack"][0] = 0
+    state["stack_size"] = 1
 
 
-@kernel
-def next_leaf_on_path(nodes: RecordArray, walk: RecordArray, p: Vec3, w: Vec3, reach: float) -> tuple[int, int]:
-    """Return the walk's next leaf whose box the path p to p + w may meet within ``reach``: first triangle and number.
+@device_function
+def next_leaf_in_sweep(nodes: RecordArray, traversal: RecordArray, p: Vec3, w: Vec3, reach: float) -> tuple[int, int]:
+    """Return the next leaf whose box may be within ``reach`` of the path p to p + w: first triangle, triangle count.
 
-    The number is 0 when there is none. What waits on the stack since the path was longer is not asked again.
+    The count is 0 at the end. Boxes already on the stack are not tested again when the path has become shorter.
     """
-    while walk[0]["waiting"] > 0:
-        i = _pop(walk)
+    while traversal[0]["stack_size"] > 0:
+        i = _pop(traversal)
         if i < 0:
-            return leaf(i)
-        mark_on_path(nodes, i, walk, p, w, reach)
-        _push(nodes, i, walk)
-    return ZERO, ZERO
+            return decode_leaf(i)
+        intersect_children_swept_sphere(nodes, i, traversal, p, w, reach)
+        _push_hit_children(nodes, i, traversal)
+    return INT64_ZERO, INT64_ZERO
 
 
-@kernel
-def next_leaf_within(nodes: RecordArray, walk: RecordArray, p: Vec3, reach: float) -> tuple[int, int]:
-    """Return the walk's next leaf whose box is within ``reach`` of the point p, as ``next_leaf_on_path`` does."""
-    while walk[0]["waiting"] > 0:
-        i = _pop(walk)
+@device_function
+def next_leaf_in_radius(nodes: RecordArray, traversal: RecordArray, p: Vec3, reach: float) -> tuple[int, int]:
+    """Return the next leaf whose box is within ``reach`` of the point p: first triangle, triangle count or 0."""
+    while traversal[0]["stack_size"] > 0:
+        i = _pop(traversal)
         if i < 0:
-            return leaf(i)
-        _mark_within(nodes, i, walk, p, reach)
-        _push(nodes, i, walk)
-    return ZERO, ZERO
+            return decode_leaf(i)
+        _intersect_children_sphere(nodes, i, traversal, p, reach)
+        _push_hit_children(nodes, i, traversal)
+    return INT64_ZERO, INT64_ZERO
 
 
-@kernel
-def leaf(inside: int) -> tuple[int, int]:
-    """Return the first triangle and the number of triangles of a box whose ``inside`` is negative."""
-    return -inside // WIDTH, -inside % WIDTH
+@device_function
+def decode_leaf(child: int) -> tuple[int, int]:
+    """Return the first triangle and the number of triangles of a leaf, from its negative code in NODE_DTYPE."""
+    return -child // BVH_WIDTH, -child % BVH_WIDTH
 
 
-@kernel
-def _pop(walk: RecordArray) -> int:
-    """Return what is to be looked into next."""
-    record = walk[0]
-    record["waiting"] -= 1
-    inside: int = record["stack"][record["waiting"]]
-    return inside
+@device_function
+def _pop(traversal: RecordArray) -> int:
+    """Remove the child on top of the stack and return it."""
+    state = traversal[0]
+    state["stack_size"] -= 1
+    child: int = state["stack"][state["stack_size"]]
+    return child
 
 
-@kernel
-def _push(nodes: RecordArray, i: int, walk: RecordArray) -> None:
-    """Put what is inside the boxes of node i that are near onto the stack, the nearest last."""
-    record, node = walk[0], nodes[i]
-    stack, order = record["stack"], record["order"]
-    first = ZERO + record["waiting"]
-    end = first  # First the numbers of the boxes, for sorting, then what is inside them.
-    for k in range(WIDTH):
+@device_function
+def _push_hit_children(nodes: RecordArray, i: int, traversal: RecordArray) -> None:
+    """Push the children of node i that ``hit_mask`` names, in ascending order of ``sort_key``: the nearest on top."""
+    node = nodes[i]
+    state = traversal[0]
+    stack = state["stack"]
+    sort_key = state["sort_key"]
+
+    # Push the slots of the children that are hit; branch-free.
+    first = INT64_ZERO + state["stack_size"]
+    end = first
+    for k in range(BVH_WIDTH):
         stack[end] = k
-        end += record["near"][k]
+        end += state["hit_mask"][k]
+
+    # Sort them by insertion.
     for j in range(first + 1, end):
-        k, place = stack[j], j
-        while place > first and order[stack[place - 1]] > order[k]:
+        k = stack[j]
+        place = j
+        while place > first and sort_key[stack[place - 1]] > sort_key[k]:
             stack[place] = stack[place - 1]
             place -= 1
         stack[place] = k
+
+    # Replace the slots by the children in them.
     for j in range(first, end):
-        stack[j] = node["inside"][stack[j]]
-    record["waiting"] = end
+        stack[j] = node["child"][stack[j]]
+    state["stack_size"] = end
 
 
-@kernel
-def mark_on_path(nodes: RecordArray, i: int, walk: RecordArray, p: Vec3, w: Vec3, reach: float) -> None:
-    """Tell which boxes of node i the path from p to p + w may come within ``reach`` of, and in which order.
+@device_function
+def intersect_children_swept_sphere(
+    nodes: RecordArray, i: int, traversal: RecordArray, p: Vec3, w: Vec3, reach: float
+) -> None:
+    """Intersect the children of node i with the path p to p + w, fattened by ``reach``: set hit mask and sort keys.
 
     Separating axes of a segment and a box (C. Ericson, Real-Time Collision Detection, 2005, section 5.3.3): the three
-    axes of the box, the direction from the box to the middle of the path, and the cross products; no division, and no
-    branch. Where there is no box, its middle is not a number, and it is not near.
+    axes of the box, the direction from the box to the middle of the path, and the cross products. There is no division
+    and no branch. The centre of an empty slot is NaN, with which every comparison fails: it is not hit.
     """
-    node, record = nodes[i], walk[0]
+    node = nodes[i]
+    state = traversal[0]
     half = scale(w, 0.5)
     middle = add(p, half)
     ax, ay, az = abs(half.x), abs(half.y), abs(half.z)
-    for k in range(node["width"]):
-        box, way = column(node["half"], k), sub(middle, column(node["middle"], k))
-        x, y, z = way
+    for k in range(node["num_slots"]):
+        box = column(node["half_extent"], k)
+        to_middle = sub(middle, column(node["center"], k))
+        x, y, z = to_middle
         ex, ey, ez = box.x + reach, box.y + reach, box.z + reach
-        near = (abs(x) <= ex + ax) & (abs(y) <= ey + ay) & (abs(z) <= ez + az)
-        gap = _gap(way, box)
-        distance2 = dot(gap, gap)
-        free = distance2 - abs(dot(gap, half))
-        off = (free > 0.0) & (free * free > reach * reach * distance2)
-        off |= abs(y * half.z - z * half.y) > ey * az + ez * ay
-        off |= abs(z * half.x - x * half.z) > ex * az + ez * ax
-        off |= abs(x * half.y - y * half.x) > ex * ay + ey * ax
-        record["near"][k], record["order"][k] = near & (not off), dot(way, w)
+
+        # The axes of the box.
+        overlaps = (abs(x) <= ex + ax) & (abs(y) <= ey + ay) & (abs(z) <= ez + az)
+
+        # The direction from the box to the middle of the path, squared to spare the division by its length.
+        gap = _box_to_point(to_middle, box)
+        distance_sq = dot(gap, gap)
+        clearance = distance_sq - abs(dot(gap, half))
+        separated = (clearance > 0.0) & (clearance * clearance > reach * reach * distance_sq)
+
+        # The cross products of the box's axes and the path.
+        separated |= abs(y * half.z - z * half.y) > ey * az + ez * ay
+        separated |= abs(z * half.x - x * half.z) > ex * az + ez * ax
+        separated |= abs(x * half.y - y * half.x) > ex * ay + ey * ax
+
+        state["hit_mask"][k] = overlaps & (not separated)
+        state["sort_key"][k] = dot(to_middle, w)
 
 
-@kernel
-def _mark_within(nodes: RecordArray, i: int, walk: RecordArray, p: Vec3, reach: float) -> None:
-    """Tell which boxes of node i are within ``reach`` of the point p, and how near."""
-    node, record = nodes[i], walk[0]
-    for k in range(node["width"]):
-        distance = norm(_gap(sub(p, column(node["middle"], k)), column(node["half"], k)))
-        record["near"][k], record["order"][k] = distance <= reach, -distance
+@device_function
+def _intersect_children_sphere(nodes: RecordArray, i: int, traversal: RecordArray, p: Vec3, reach: float) -> None:
+    """Intersect the children of node i with the sphere around p of radius ``reach``: set hit mask and sort keys."""
+    node = nodes[i]
+    state = traversal[0]
+    for k in range(node["num_slots"]):
+        distance = norm(_box_to_point(sub(p, column(node["center"], k)), column(node["half_extent"], k)))
+        state["hit_mask"][k] = distance <= reach
+        state["sort_key"][k] = -distance
 
 
-@kernel
-def _gap(way: Vec3, box: Vec3) -> Vec3:
-    """Return the way from the nearest point of a box, given its half extents, to a point given from its middle."""
-    return Vec3(_outside(way.x, box.x), _outside(way.y, box.y), _outside(way.z, box.z))
+@device_function
+def _box_to_point(point: Vec3, half_extent: Vec3) -> Vec3:
+    """Return the vector from the closest point of a box to a point that is given relative to the box's centre."""
+    return Vec3(
+        _clamp_residual(point.x, half_extent.x),
+        _clamp_residual(point.y, half_extent.y),
+        _clamp_residual(point.z, half_extent.z),
+    )
 
 
-@kernel
-def _outside(x: float, half: float) -> float:
-    """Return how far, and to which side, a coordinate x is outside of -half to half."""
-    return x - max(-half, min(half, x))
+@device_function
+def _clamp_residual(x: float, limit: float) -> float:
+    """Return x minus x clamped to [-limit, limit]."""
+    return x - max(-limit, min(limit, x))

@@ -1,7 +1,7 @@
-"""The words of the physics: every record that crosses a room's border, each field with its unit.
+"""Records of the physics: public results, surfaces, and the structured arrays that the compiled code reads.
 
-SI units throughout (metres, seconds, kilograms); a right-handed frame with z up. Records of ``Vec3`` go through the
-compiled kernels, records of plain arrays come out of the public doors.
+SI units throughout (metres, seconds, kilograms), in a right-handed frame with z up. The compiled code works on ``Vec3``
+and on numpy records. The public API returns plain arrays.
 """
 
 from __future__ import annotations
@@ -17,19 +17,19 @@ from numpy.typing import NDArray
 FloatArray: TypeAlias = NDArray[np.float64]
 RecordArray: TypeAlias = NDArray[np.void]
 
-TOLERANCE = 5e-13
-"""Touching, as a share of the scene's scale: half of the guaranteed 1e-12, so that rounding cannot use it up."""
+RELATIVE_TOLERANCE = 5e-13
+"""Largest gap that counts as touching, divided by the scene's largest coordinate: half of the guaranteed 1e-12, so that
+rounding cannot use up the guarantee."""
 
+INT64_ZERO = cast(int, np.int64(0))
+"""Zero as an int64. To numba a literal 0 has another type, for which it would compile the callees a second time."""
 
-ZERO = cast(int, np.int64(0))
-"""Where the kernels' counters start: to numba a plain 0 is a type of its own, for which it compiles callees again."""
-
-TRUE = cast(bool, np.bool_(True))
-"""What kernels tell kernels in place of a plain True, which to numba is a type of its own, too."""
+BOOL_TRUE = cast(bool, np.bool_(True))
+"""True as a numpy bool. To numba a literal True has another type, for which it would compile the callees again."""
 
 
 class Vec3(NamedTuple):
-    """A vector of the kernels: three floats in registers, an order of magnitude faster than a 3-element array."""
+    """A vector in compiled code: three floats in registers, about ten times as fast as a 3-element array."""
 
     x: float
     y: float
@@ -40,7 +40,7 @@ class Status(IntEnum):
     """How a shot ended."""
 
     REST = 0
-    """The ball lies still and will for ever."""
+    """The ball is at rest and stays there."""
     OUT_OF_BOUNDS = 1
     """The ball's centre left the world's bounds."""
     TIME_LIMIT = 2
@@ -49,12 +49,12 @@ class Status(IntEnum):
 
 @dataclass(frozen=True)
 class Surface:
-    """What a ball meets: how much velocity an impact keeps, and how strongly the surface brakes a rolling ball.
+    """A surface material: the velocity that an impact keeps, and the rolling resistance.
 
     Args:
-        damping: d, the share of velocity kept by an impact, in [0, 1] (the seed's damping factor).
-        restitution: e, the share of the normal velocity kept, in [0, 1]; ``damping`` unless given.
-        tangential: t, the share of the tangential velocity kept, in [0, 1]; ``damping`` unless given.
+        damping: d, ratio of the velocity after an impact to that before, in [0, 1] (the CS121 notes' damping factor).
+        restitution: e, the same ratio for the normal velocity, in [0, 1]; ``damping`` unless given.
+        tangential: t, the same ratio for the tangential velocity, in [0, 1]; ``damping`` unless given.
         rolling: c >= 0, rolling resistance: on a level floor the ball decelerates by c |g|. A green of Stimp S feet
             has c = 1.829**2 / (2 * 0.3048 * S) / 9.81: 0.070 for S = 8, 0.047 for S = 12.
 
@@ -69,128 +69,151 @@ class Surface:
 
     def __post_init__(self) -> None:
         for name in ("damping", "restitution", "tangential"):
-            share = getattr(self, name)
-            if share is None and name != "damping":
+            ratio = getattr(self, name)
+            if ratio is None and name != "damping":
                 continue
-            if not (_is_number(share) and 0.0 <= share <= 1.0):
-                raise ValueError(f"Surface {name}: expected a number in [0, 1], received {share!r}; 1 keeps all speed.")
+            if not (_is_number(ratio) and 0.0 <= ratio <= 1.0):
+                raise ValueError(f"Surface {name}: expected a number in [0, 1], received {ratio!r}; 1 keeps all speed.")
         if not (_is_number(self.rolling) and math.isfinite(self.rolling) and self.rolling >= 0.0):
             raise ValueError(
                 f"Surface rolling: expected a finite number >= 0, received {self.rolling!r}; 0 rolls without braking."
             )
 
     @property
-    def normal_share(self) -> float:
-        """e, the share of the normal velocity that an impact keeps."""
+    def normal_restitution(self) -> float:
+        """Ratio e of the normal speeds after and before an impact."""
         return float(self.damping if self.restitution is None else self.restitution)
 
     @property
-    def tangential_share(self) -> float:
-        """t, the share of the tangential velocity that an impact keeps."""
+    def tangential_restitution(self) -> float:
+        """Ratio t of the tangential velocities after and before an impact."""
         return float(self.damping if self.tangential is None else self.tangential)
 
 
 class Hit(NamedTuple):
-    """The first collision along a path; from ``sweep_batch`` every field has a leading axis (N,)."""
+    """The first hit along a path; from ``sweep_batch`` every field has a leading axis (N,)."""
 
     hit: bool
-    """Whether the ball collides before the end of the path."""
+    """True if the ball hits a triangle before the end of the path."""
     alpha: float
-    """Share of the path before the collision, in [0, 1]; 1 when there is none."""
+    """Hit fraction: the fraction of the path before the hit, in [0, 1]; 1 without a hit."""
     normal: FloatArray
-    """(3,) unit vector from the surface to the ball's centre at the collision; zeros when there is none."""
+    """(3,) unit contact normal, from the surface to the ball's centre; zeros without a hit."""
     triangle: int
-    """The triangle, counted through the world's meshes in order; -1 when there is none."""
+    """Index of the triangle, counted through the world's meshes in order; -1 without a hit."""
 
 
 class Shot(NamedTuple):
-    """A run of the ball; from ``simulate_batch`` every field has a leading axis (N,) and the records are None."""
+    """The result of a run of the ball; from ``simulate_batch`` every field has a leading axis (N,), without records."""
 
     position: FloatArray
     """(3,) the ball's centre at the end, m."""
     velocity: FloatArray
-    """(3,) its velocity at the end, m/s; zeros at rest."""
+    """(3,) the ball's velocity at the end, m/s; zeros at rest."""
     status: Status
     """How the run ended; an int8 array of ``Status`` values from a batch."""
     time: float
-    """When the run ended, s: exact for rest, a multiple of dt otherwise."""
+    """Time at which the run ended, s: exact for rest, a multiple of dt otherwise."""
     bounces: int
-    """Impacts that did not become lasting contacts."""
+    """Number of impacts that did not become resting contacts."""
     exhausted: int
-    """Time steps whose sub-steps ran out (time was lost there, never a contact); 0 for any sane input."""
+    """Number of time steps that used up their sub-steps and lost time (never a contact); 0 for any sane input."""
     path: FloatArray | None = None
     """(T, 3) the ball's centre at ``times``: the start, after every dt, and the end, m."""
     times: FloatArray | None = None
-    """(T,) s."""
-    contacts: NDArray[np.void] | None = None
-    """(bounces,) records of ``IMPACT``: when, where and on which triangle the ball bounced."""
-    sub_steps: NDArray[np.int64] | None = None
-    """(T - 1,) the pieces that each time step was made of: 1 in flight, 2 while rolling, one more for a bounce."""
+    """(T,) times of the positions in ``path``, s."""
+    impacts: NDArray[np.void] | None = None
+    """(bounces,) records of ``IMPACT_DTYPE``: time, place and triangle of each bounce."""
+    num_substeps: NDArray[np.int64] | None = None
+    """(T - 1,) number of sub-steps in each time step: 1 in flight, 2 while rolling, one more for a bounce."""
 
 
-IMPACT = np.dtype([("time", "f8"), ("position", "f8", 3), ("normal", "f8", 3), ("triangle", "i8")])
-"""One bounce: time (s), the ball's centre (m), the unit normal, the triangle."""
-
-RESULT = np.dtype([("time", "f8"), *((name, "i8") for name in ("status", "steps", "bounces", "exhausted"))])
-"""How a run ended: its time (s) and Status, the time steps begun, the bounces, the exhausted steps."""
-
-WIDTH = 8
-"""Boxes of a node: one vector of 512 bits, or some shorter ones."""
-
-NODE = np.dtype(
+IMPACT_DTYPE = np.dtype(
     [
-        *((name, "f8", (3, WIDTH)) for name in ("middle", "half")),
-        ("inside", "i8", (WIDTH,)),
-        ("width", "i8"),
+        ("time", "f8"),  # s
+        ("position", "f8", 3),  # the ball's centre, m
+        ("normal", "f8", 3),  # unit contact normal
+        ("triangle", "i8"),
     ]
 )
-"""Up to WIDTH boxes of the bounding volume hierarchy, a column each: the middle (not a number where there is no box)
-and half extents (m); what is inside: the row of another node, or minus WIDTH times a leaf's first triangle, and minus
-the number of its triangles. The width is WIDTH: the compiler makes vector instructions of a loop only if it does not
-know how long it is."""
+"""Record of one bounce."""
 
-TRIANGLE = np.dtype(
+RESULT_DTYPE = np.dtype(
     [
-        *((vector, "f8", (3,)) for vector in "nauvef"),
-        ("number", "i8"),
-        ("surface", "i4"),
-        ("one_sided", "?"),
+        ("time", "f8"),  # s, at the end of the run
+        ("status", "i8"),  # a ``Status``
+        ("steps", "i8"),  # time steps begun
+        ("bounces", "i8"),
+        ("exhausted", "i8"),  # time steps that used up their sub-steps
+    ]
+)
+"""Record of how one run ended."""
+
+BVH_WIDTH = 8
+"""Number of child slots of a BVH node: one SIMD vector of 512 bits, or several shorter ones."""
+
+NODE_DTYPE = np.dtype(
+    [
+        ("center", "f8", (3, BVH_WIDTH)),  # centres of the child boxes, m; NaN in an empty slot
+        ("half_extent", "f8", (3, BVH_WIDTH)),  # m
+        ("child", "i8", (BVH_WIDTH,)),  # >= 0: row of a node; < 0: a leaf, -(BVH_WIDTH * first triangle + size)
+        ("num_slots", "i8"),  # always BVH_WIDTH: the compiler vectorises a loop only if it does not know its length
+    ]
+)
+"""Node of the bounding volume hierarchy: up to BVH_WIDTH child boxes, a column each."""
+
+TRIANGLE_DTYPE = np.dtype(
+    [
+        ("n", "f8", (3,)),  # unit normal; zero without area, as u and v are
+        ("a", "f8", (3,)),  # a corner, m
+        ("u", "f8", (3,)),  # 1/m; the plane's point a + x is a + (x . u) e + (x . v) f
+        ("v", "f8", (3,)),  # 1/m
+        ("e", "f8", (3,)),  # edge from a to the second corner, m
+        ("f", "f8", (3,)),  # edge from a to the third corner, m
+        ("triangle_id", "i8"),  # index in the caller's order
+        ("surface", "i4"),  # row of the surface; one row for each mesh
+        ("one_sided", "?"),  # only a ball that moves against n can hit it; false without area
     ],
     align=True,
 )
-"""A triangle: its corner a and the edges e and f from there (m); the unit normal n; u and v (1/m), with which a point
-a + x of its plane is a + (x . u) e + (x . v) f; n, u and v are zero without area. The caller's number; its row among
-the surfaces; whether only a ball that moves against n can collide (never without area). First what a miss asks for."""
+"""Triangle record. The fields that a miss needs come first, in one cache line."""
 
-SURFACE = np.dtype([("restitution", "f8"), ("tangential", "f8"), ("rolling", "f8")])
-"""What an impact keeps of the normal and the tangential velocity, and the rolling resistance."""
+SURFACE_DTYPE = np.dtype(
+    [
+        ("restitution", "f8"),  # e
+        ("tangential", "f8"),  # t
+        ("rolling", "f8"),  # c
+    ]
+)
+"""Material record; see ``Surface``."""
 
 
-class Scene(NamedTuple):
-    """The compiled world: everything immutable that the kernels read.
+class CompiledScene(NamedTuple):
+    """A world as the compiled code reads it: immutable arrays of records, and numbers.
 
-    Few arrays of whole records: what belongs to a triangle or a node shares a cache line, and a call passes little.
+    What belongs to one triangle or node shares cache lines, and a call passes few arguments.
     """
 
     triangles: RecordArray
-    """(n,) of TRIANGLE, in the order of the tree's leaves."""
+    """(n,) records of TRIANGLE_DTYPE, in the order of the BVH's leaves."""
     nodes: RecordArray
-    """(M,) of NODE."""
+    """(M,) records of NODE_DTYPE; the root comes first."""
     surfaces: RecordArray
-    """(k,) of SURFACE."""
+    """(k,) records of SURFACE_DTYPE."""
     radius: float
-    """The ball's radius, m."""
+    """Radius of the ball, m."""
     eps: float
-    """Closer than this is touching: TOLERANCE times the scene's scale, m."""
+    """Largest gap that counts as touching: RELATIVE_TOLERANCE times the scene's largest coordinate, m."""
     gravity: Vec3
-    """m/s^2."""
+    """Acceleration of gravity, m/s^2."""
     dt: float
-    """s."""
+    """Duration of a time step, s."""
     conservative: bool
-    """Impacts conserve energy exactly instead of using the seed's average velocity."""
+    """True: impacts conserve energy exactly; False: the CS121 notes' average-velocity response."""
     lower: Vec3
-    """Bounds of the world, m: a ball whose centre leaves them is out."""
+    """Lower corner of the world's bounds, m: a ball whose centre leaves the bounds is out."""
     upper: Vec3
+    """Upper corner of the world's bounds, m."""
 
 
 def _is_number(value: object) -> bool:

@@ -97,9 +97,9 @@ def test_the_ball_has_room_everywhere_on_the_tee(name: str, rng: np.random.Gener
     course = load_course(name)
     world = course.world()
     clearance = world.clearance(tee_off(course, 200, rng))
-    assert clearance.min() >= -1e-12 * world.scale
+    assert clearance.min() >= -1e-12 * world.coordinate_scale
     if course.cup is not None:
-        assert clearance.max() <= 1e-12 * world.scale
+        assert clearance.max() <= 1e-12 * world.coordinate_scale
 
 
 def test_no_straight_putt_reaches_the_cup(hole: Course, world: World, rng: np.random.Generator) -> None:
@@ -128,7 +128,7 @@ def test_putts_end_on_the_lane_or_in_the_cup(hole: Course, world: World, rng: np
     shots = world.simulate_batch(starts, putts(rng.uniform(-np.pi, np.pi, n), rng.uniform(0.0, hole.top_speed, n)))
     assert n == 600 and np.all(shots.status == Status.REST)
     assert not np.any(shots.exhausted)
-    assert world.clearance(shots.position).min() >= -1e-12 * world.scale
+    assert world.clearance(shots.position).min() >= -1e-12 * world.coordinate_scale
     assert shapely.contains_xy(LANE.buffer(-0.99 * RADIUS), shots.position[:, :2]).all()
     on_felt = np.abs(shots.position[:, 2] - RADIUS) <= 1e-9
     assert (on_felt | in_cup(hole, shots)).all()
@@ -180,7 +180,7 @@ def test_the_cup_is_open_to_its_radius(radius: float) -> None:
     turns = np.arange(128) * (np.pi / 64)  # Corners and middles of 64 sides.
     ring = np.column_stack([np.cos(turns), np.sin(turns), np.zeros(128)])
     middle = np.array(course.cup.position) - [0.0, 0.0, 0.05]
-    assert world.clearance(middle + (radius - RADIUS) * ring).min() >= -1e-12 * world.scale
+    assert world.clearance(middle + (radius - RADIUS) * ring).min() >= -1e-12 * world.coordinate_scale
     assert world.clearance(middle + (radius - RADIUS + 1e-6) * ring)[1::2].max() < 0.0
 
 
@@ -193,7 +193,7 @@ def test_balls_stay_in_the_room(impact: str, rng: np.random.Generator) -> None:
     velocities = ways * (course.top_speed / np.linalg.norm(ways, axis=1, keepdims=True))
     shots = world.simulate_batch(tee_off(course, 100, rng), velocities, max_time=10.0)
     assert not np.any(shots.status == Status.OUT_OF_BOUNDS) and not np.any(shots.exhausted)
-    assert world.clearance(shots.position).min() >= -1e-12 * world.scale
+    assert world.clearance(shots.position).min() >= -1e-12 * world.coordinate_scale
     assert np.mean(shots.bounces) > 5.0
     if impact == "conservative":
         assert np.all(shots.status == Status.REST)

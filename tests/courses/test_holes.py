@@ -80,7 +80,7 @@ def test_random_putts_end_in_play_in_the_cup_or_out_of_bounds(name: str) -> None
     for _ in range(2):
         shots = world.simulate_batch(starts, putts(len(starts), course.top_speed, rng))
         assert not np.any(shots.exhausted)
-        assert world.clearance(shots.position).min() >= -1e-12 * world.scale
+        assert world.clearance(shots.position).min() >= -1e-12 * world.coordinate_scale
         lost = np.isin(shots.status, [Status.OUT_OF_BOUNDS])
         if name not in ("gap", "islands", "halfpipe"):  # Over water, and over the lips of the pipe.
             assert not lost.any()

@@ -17,7 +17,7 @@ import pytest
 from gymnasium.error import ResetNeeded
 
 from minigolf_env.envs import MiniGolfEnv, MiniGolfVectorEnv
-from minigolf_env.physics import parallel
+from minigolf_env.physics import thread_pool
 from tests.envs.pickling import MADE, make, play
 
 ROOT = Path(__file__).parents[2]
@@ -89,7 +89,7 @@ def hasty() -> Iterator[None]:
 
 def test_threads_do_not_disturb_each_other(hasty: None, monkeypatch: pytest.MonkeyPatch) -> None:
     """Environments and batches, made and played in threads at once, see what they see alone."""
-    monkeypatch.setattr(parallel, "_number", lambda: 2)
+    monkeypatch.setattr(thread_pool, "_num_threads", lambda: 2)
 
     def one(which: int) -> str:
         env = make(*MADE[which % len(MADE)])

@@ -22,10 +22,12 @@ def sane(world: World, shot: Shot) -> bool:
     """Return whether every number of a run is finite and the ball was never in a surface."""
     assert shot.path is not None
     assert shot.times is not None
-    assert shot.contacts is not None
-    numbers = (shot.position, shot.velocity, shot.path, shot.times, shot.contacts["position"], shot.contacts["normal"])
+    assert shot.impacts is not None
+    numbers = (shot.position, shot.velocity, shot.path, shot.times, shot.impacts["position"], shot.impacts["normal"])
     finite = all(np.isfinite(array).all() for array in numbers)
-    return finite and bool(world.clearance(shot.path).min() >= -1e-12 * max(world.scale, np.abs(shot.path).max()))
+    return finite and bool(
+        world.clearance(shot.path).min() >= -1e-12 * max(world.coordinate_scale, np.abs(shot.path).max())
+    )
 
 
 def doubled(body: Body) -> Body:
@@ -194,7 +196,7 @@ def test_start_on_the_wrong_side_is_named_when_asked_and_harmless_when_not(insid
     world = World([mesh(inwards(box([-1, -1, 0], [1, 1, 2])), name="hall"), mesh(BLOCK, name="rock")])
     p: FloatArray = np.array([0.0, 0.0, 0.2 if inside else -1.0])
     with pytest.raises(ValueError, match="inside 'rock'" if inside else "outside 'hall'"):
-        world.require_free(p)
+        world.check_collision_free(p)
     for way in ([0, 0, 0], [1, 0, 0], [0, 0.1, 5], [0, 0, 1e6]):
         shot = world.simulate(p, way, max_time=3.0, record=True)
         assert np.isfinite(shot.path).all()

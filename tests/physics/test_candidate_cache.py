@@ -6,9 +6,14 @@ import numpy as np
 import pytest
 
 from minigolf_env.physics import TriangleMesh, World
-from minigolf_env.physics.candidate_cache import CAPACITY, FEW, no_neighbourhood, sweep_near
+from minigolf_env.physics.candidate_cache import (
+    MULTI_STEP_CAPACITY,
+    SINGLE_STEP_CAPACITY,
+    new_candidate_cache,
+    sweep_cached,
+)
 from minigolf_env.physics.sweep import sweep
-from minigolf_env.physics.traversal import new_walk
+from minigolf_env.physics.traversal import new_traversal
 from minigolf_env.physics.types import Vec3
 from tests.physics.scenes import FloatArray, grid, mesh, random_room
 
@@ -50,13 +55,15 @@ def test_sweep_near_is_sweep(kind: str) -> None:
     hits, listed = 0, []
     for seed in range(10):
         rng = np.random.default_rng(seed)
-        world, near = scene(kind, rng), no_neighbourhood()
+        world, cache = scene(kind, rng), new_candidate_cache()
         for p, way in walk(world, rng, 1000):
-            hit = sweep_near(world._scene, near, Vec3(*p), Vec3(*way))
-            assert hit == sweep(world._scene, new_walk(), Vec3(*p), Vec3(*way))
+            hit = sweep_cached(world._scene, cache, Vec3(*p), Vec3(*way))
+            assert hit == sweep(world._scene, new_traversal(), Vec3(*p), Vec3(*way))
             hits += hit.row >= 0
-            listed.append(near.cylinder[0]["count"] if near.cylinder[0]["length"] >= 0.0 else CAPACITY + 1)
+            listed.append(
+                cache.state[0]["num_candidates"] if cache.state[0]["length"] >= 0.0 else SINGLE_STEP_CAPACITY + 1
+            )
     assert hits > 300
     assert min(listed) < 5
-    assert kind == "room" or any(FEW < count <= CAPACITY for count in listed)
-    assert kind == "green" or max(listed) > CAPACITY
+    assert kind == "room" or any(MULTI_STEP_CAPACITY < count <= SINGLE_STEP_CAPACITY for count in listed)
+    assert kind == "green" or max(listed) > SINGLE_STEP_CAPACITY

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from minigolf_env.physics import Surface, World
-from minigolf_env.physics.contact import MAX_CONTACTS, hold, project
+from minigolf_env.physics.contact import MAX_CONTACTS, add_contact, project_onto_cone
 from minigolf_env.physics.types import Vec3
 from tests.physics.scenes import BALL, FloatArray, G, about_y, box, floor_world, grid, mesh, rotation
 
@@ -15,10 +15,10 @@ DT = 1 / 120
 
 def projected(normals: FloatArray, x: FloatArray) -> FloatArray:
     """Return x projected on the cone that contacts with these normals leave."""
-    contacts, held = np.empty((MAX_CONTACTS, 4)), 0
+    contacts, num_contacts = np.empty((MAX_CONTACTS, 4)), 0
     for n in normals:
-        held = hold(contacts, held, Vec3(*n), 0.0)
-    return np.array(project(contacts, held, Vec3(*x)))
+        num_contacts = add_contact(contacts, num_contacts, Vec3(*n), 0.0)
+    return np.array(project_onto_cone(contacts, num_contacts, Vec3(*x)))
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 4])

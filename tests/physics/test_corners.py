@@ -16,7 +16,7 @@ def run(world: World, p: FloatArray, v: FloatArray, max_time: float = 60.0) -> S
     """Return the recorded run after checking what always holds: no penetration, no time lost."""
     shot = world.simulate(p, v, max_time, record=True)
     assert shot.path is not None
-    assert world.clearance(shot.path).min() >= -1e-12 * world.scale
+    assert world.clearance(shot.path).min() >= -1e-12 * world.coordinate_scale
     assert shot.exhausted == 0
     return shot
 

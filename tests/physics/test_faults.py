@@ -108,4 +108,4 @@ def test_needle_is_met_at_its_short_edge(first: int, short: float) -> None:
         world = World([TriangleMesh(needle, [[0, 1, 2]], Surface(damping=0.9))], 0.02, gravity=(0, 0, 0))
         gap, deep = 10.0 ** rng.uniform([-10, -12], [-3, -3])
         p, _ = world.step(place + turn @ [1.02 + gap, 0, 0], -turn[:, 0] * (gap + deep) / world.dt)
-        assert world.clearance(p) >= -1e-12 * world.scale
+        assert world.clearance(p) >= -1e-12 * world.coordinate_scale

@@ -46,7 +46,7 @@ def test_absurd_input_ends_without_penetration(impact: str) -> None:
         for _ in range(20):
             v = rng.normal(size=3)
             shot = world.simulate(turn @ [0.6, 0.6, 1.2], speed * v / np.linalg.norm(v), max_time=20.0, record=True)
-            assert world.clearance(shot.path).min() >= -1e-12 * world.scale
+            assert world.clearance(shot.path).min() >= -1e-12 * world.coordinate_scale
             assert is_inside(2.0 * turn, shot.path)
             assert np.isfinite(shot.velocity).all()
 
@@ -116,7 +116,7 @@ def test_batch_is_the_loop_whatever_the_threads(count: int) -> None:
 def test_a_ball_is_refused_exactly_where_its_clearance_says_so() -> None:
     """The quick look at whether balls are clear agrees with their distances, down to the tolerance itself."""
     world = World([mesh(room(2.0)), mesh(box([-0.5, -0.5, 0.0], [0.5, 0.5, 0.3]))])
-    tolerance = 1e-12 * world.scale
+    tolerance = 1e-12 * world.coordinate_scale
     for depth in (-1e-3, 0.0, 0.4 * tolerance, 0.9 * tolerance, 1.1 * tolerance, 2.0 * tolerance, 1e-6, 0.02):
         lie = np.array([0.1, 0.2, 0.3 + world.ball_radius - depth])
         refused = world.clearance(lie) < -tolerance
@@ -175,4 +175,4 @@ def test_runs_do_not_disturb_each_other() -> None:
     world.simulate(q, [-3.0, 1.0, 0.0], max_time=2.0)
     again = world.simulate(p, [1.0, 2.0, 3.0], max_time=2.0, record=True)
     assert np.array_equal(first.path, again.path)
-    assert np.array_equal(first.contacts, again.contacts)
+    assert np.array_equal(first.impacts, again.impacts)

@@ -113,11 +113,11 @@ def test_sweep_is_a_scan_of_the_triangles_that_face_the_ball(seed: int) -> None:
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     met = 0
     for start, way in zip(p, v):
-        way = way / np.linalg.norm(way) * 0.5 * world.scale
+        way = way / np.linalg.norm(way) * 0.5 * world.coordinate_scale
         across = normals @ way
-        if np.abs(start + way).max() > world.scale:
+        if np.abs(start + way).max() > world.coordinate_scale:
             continue  # sweep_sphere takes its tolerance from the path too.
-        if (one_sided & (np.abs(across) <= 1e-9 * np.linalg.norm(normals, axis=1) * world.scale)).any():
+        if (one_sided & (np.abs(across) <= 1e-9 * np.linalg.norm(normals, axis=1) * world.coordinate_scale)).any():
             continue  # Whether this path comes from behind some face is a matter of rounding.
         front = np.flatnonzero(~one_sided | (across < 0.0))
         hit, scan = world.sweep(start, start + way), sweep_sphere(start, start + way, world.ball_radius, corners[front])

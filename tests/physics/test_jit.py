@@ -12,22 +12,20 @@ from pathlib import Path
 import numba
 import pytest
 
-from minigolf_env.physics import jit as kernel
-from minigolf_env.physics import jit_cache as cache
-from minigolf_env.physics import step as simulate
+from minigolf_env.physics import jit, numba_internals, step
 
 CALLEE = """
-from minigolf_env.physics.jit import entry_kernel
+from minigolf_env.physics.jit import kernel
 FACTOR = 2
-@entry_kernel
+@kernel
 def times(x):
     return FACTOR * x
 """
 
 CALLER = """
 from minigolf_env.physics.callee import times
-from minigolf_env.physics.jit import entry_kernel
-@entry_kernel
+from minigolf_env.physics.jit import kernel
+@kernel
 def double(x):
     return times(x)
 """
@@ -44,7 +42,7 @@ def filled(tmp_path_factory: pytest.TempPathFactory) -> Path:
     root = tmp_path_factory.mktemp("filled")
     package = root / "minigolf_env" / "physics"
     package.mkdir(parents=True)
-    for module in (kernel, cache):
+    for module in (jit, numba_internals):
         shutil.copy(str(module.__file__), package)
     for name, text in (("__init__", ""), ("../__init__", ""), ("callee", CALLEE), ("caller", CALLER)):
         (package / f"{name}.py").write_text(text)
@@ -171,7 +169,7 @@ def test_another_numba_falls_back_to_its_own_cache(toy: Path) -> None:
 @pytest.mark.skipif(bool(os.environ.get("NUMBA_DISABLE_JIT")), reason="nothing is compiled")
 def test_every_kernel_says_itself_that_it_is_inlined() -> None:
     """Else it takes after the first caller to be compiled, and the speed of a step after what was asked first."""
-    kinds = kernel.kernel, kernel.entry_kernel, kernel.merged_kernel
+    kinds = jit.device_function, jit.kernel, jit.inlined_kernel
     assert all(kind(lambda x: x).targetoptions["forceinline"] for kind in kinds)  # type: ignore[attr-defined]
 
 
@@ -179,17 +177,17 @@ def test_every_kernel_says_itself_that_it_is_inlined() -> None:
 def test_the_cache_is_the_kernels_alone() -> None:
     """This numba has the names, and other functions keep its own cache."""
     own = numba.njit(cache=True)(lambda: 0)
-    assert isinstance(simulate.step._cache, cache.KernelCache)
-    assert not isinstance(own._cache, cache.KernelCache)
+    assert isinstance(step.step._cache, numba_internals.KernelCache)
+    assert not isinstance(own._cache, numba_internals.KernelCache)
     assert not numba.config.CACHE_LOCATOR_CLASSES
 
 
 @pytest.mark.skipif(bool(os.environ.get("NUMBA_DISABLE_JIT")), reason="nothing is compiled")
 def test_kernels_for_kernels_refuse_python() -> None:
     """Called from Python, compiled or not, a kernel without a wrapper says so instead of crashing the process."""
-    twice = kernel.kernel(lambda x: 2.0 * x)
-    four = kernel.entry_kernel(lambda x: twice(twice(x)))
+    twice = jit.device_function(lambda x: 2.0 * x)
+    four = jit.kernel(lambda x: twice(twice(x)))
     for _ in range(2):
-        with pytest.raises(TypeError, match="entry_kernel"):
+        with pytest.raises(TypeError, match="decorate it with kernel"):
             twice(1.0)
         assert four(1.0) == 4.0

@@ -123,5 +123,5 @@ def test_shares_are_at_most_one() -> None:
 def test_surface_defaults_to_the_seeds_damping() -> None:
     """Restitution and tangential retention are the damping unless given."""
     plain, split = Surface(damping=0.4), Surface(damping=0.4, restitution=0.0, tangential=1.0)
-    assert (plain.normal_share, plain.tangential_share) == (0.4, 0.4)
-    assert (split.normal_share, split.tangential_share) == (0.0, 1.0)
+    assert (plain.normal_restitution, plain.tangential_restitution) == (0.4, 0.4)
+    assert (split.normal_restitution, split.tangential_restitution) == (0.0, 1.0)

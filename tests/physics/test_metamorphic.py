@@ -87,7 +87,7 @@ def test_moved_world_gives_the_moved_run(move: list[float], impact: str) -> None
     moved = build(lambda body: (body[0] + move, body[1]), impact=impact)
     shots = moved.simulate_batch(p + move, v, LIMIT)
     assert np.array_equal(shots.bounces, expected.bounces)
-    assert shots.position - move == pytest.approx(expected.position, abs=1e-8 * moved.scale)
+    assert shots.position - move == pytest.approx(expected.position, abs=1e-8 * moved.coordinate_scale)
 
 
 @pytest.mark.parametrize("impact", IMPACTS)
@@ -183,7 +183,7 @@ def test_split_path_is_the_path(seed: int) -> None:
     length = np.linalg.norm(ends - starts, axis=1)
     steep = np.abs(((ends - starts) * whole.normal).sum(axis=1)) / length > 1e-3
     assert np.array_equal(whole.hit[steep], hit[steep])
-    assert (np.abs(whole.alpha - met) * length)[steep] == pytest.approx(0.0, abs=1e-9 * world.scale)
+    assert (np.abs(whole.alpha - met) * length)[steep] == pytest.approx(0.0, abs=1e-9 * world.coordinate_scale)
     assert normal[steep] == pytest.approx(whole.normal[steep], abs=1e-6)
     assert steep.sum() > 50
 

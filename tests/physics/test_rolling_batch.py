@@ -7,9 +7,9 @@ import pytest
 from trimesh.remesh import subdivide
 
 from minigolf_env.physics import Surface, TriangleMesh, World
-from minigolf_env.physics.rolling_batch import AHEAD, LANES, enter, roll
+from minigolf_env.physics.rolling_batch import MAX_FLAT_RUN_STEPS, SIMD_WIDTH, step_rolling, try_enter
 from minigolf_env.physics.step import Balls, Scratch, new_scratch, simulate_range, step
-from minigolf_env.physics.types import RESULT, Status, Vec3
+from minigolf_env.physics.types import RESULT_DTYPE, Status, Vec3
 from tests.physics.scenes import BALL, Body, FloatArray, box, inwards, random_surface, rotation, sphere
 
 NO_LOG = np.empty((0, 8))
@@ -58,7 +58,7 @@ def floors(rng: np.random.Generator) -> tuple[World, FloatArray, FloatArray]:
     ways = rng.normal(size=(16, 3)) * [1.0, 1.0, 0.0] + rng.choice([0.0, 0.0, 0.1], (16, 1)) * rng.normal(size=(16, 3))
     ways *= np.exp(rng.uniform(math.log(0.01), math.log(rng.choice([8.0, 100.0, 3000.0])), (16, 1)))
     positions = places @ turn.T + shift
-    free = world.clearance(positions) > -1e-13 * world.scale
+    free = world.clearance(positions) > -1e-13 * world.coordinate_scale
     return world, positions[free], (ways @ turn.T)[free]
 
 
@@ -86,18 +86,18 @@ def rows_under(world: World, p: FloatArray) -> list[int]:
 
 def one_step(world: World, scratch: Scratch, p: FloatArray, v: FloatArray, row: int) -> tuple[bool, bool]:
     """Let a ball enter a lane on a triangle, and roll; return whether it entered, and whether it rolled."""
-    lane = scratch.lanes[0]
-    k, before = LANES - 1, (Vec3(*p.tolist()), Vec3(*v.tolist()))
-    lane["rolls"], lane["ground"][k] = 0, row
-    if not enter(world.scene, scratch.near.walk, scratch.contacts, scratch.lanes, k, *before):
+    lane = scratch.rolling_batch[0]
+    k, before = SIMD_WIDTH - 1, (Vec3(*p.tolist()), Vec3(*v.tolist()))
+    lane["active"], lane["support"][k] = 0, row
+    if not try_enter(world.scene, scratch.cache.traversal, scratch.contacts, scratch.rolling_batch, k, *before):
         return False, False
-    lane["left"][k] = 1
-    rolled = roll(world.scene, scratch.lanes, LANES) == 1
+    lane["steps_left"][k] = 1
+    rolled = step_rolling(world.scene, scratch.rolling_batch, SIMD_WIDTH) == 1
     after = lane["p"][:, k].tobytes(), lane["v"][:, k].tobytes()
     if rolled:
         moved = step(world.scene, scratch, *before, NO_LOG, 0, 0.0)
         assert after == (np.array(moved.p).tobytes(), np.array(moved.v).tobytes())
-        assert (moved.left, moved.resting, moved.bounces, moved.exhausted) == (0.0, False, 0, False)
+        assert (moved.time_left, moved.resting, moved.bounces, moved.exhausted) == (0.0, False, 0, False)
     else:
         assert after == (np.array(before[0]).tobytes(), np.array(before[1]).tobytes())
     return True, rolled
@@ -129,15 +129,15 @@ def test_a_putt_rolls_on_to_the_end_of_what_was_looked_at() -> None:
     """A ball in the middle of a floor rolls on for all of its steps ahead, over seams, and no further."""
     world = World([TriangleMesh(*subdivide(*inwards(box([-5, -5, 0], [5, 5, 1]))))], ball_radius=BALL)
     scratch = new_scratch()
-    lane, p, v = scratch.lanes[0], Vec3(-0.1, 0.03, BALL), Vec3(1.0, 0.2, 0.0)
+    lane, p, v = scratch.rolling_batch[0], Vec3(-0.1, 0.03, BALL), Vec3(1.0, 0.2, 0.0)
     [row] = rows_under(world, np.array(p))
-    lane["ground"][0], lane["left"] = row, 10_000
-    assert enter(world.scene, scratch.near.walk, scratch.contacts, scratch.lanes, 0, p, v)
-    while roll(world.scene, scratch.lanes, 1):
+    lane["support"][0], lane["steps_left"] = row, 10_000
+    assert try_enter(world.scene, scratch.cache.traversal, scratch.contacts, scratch.rolling_batch, 0, p, v)
+    while step_rolling(world.scene, scratch.rolling_batch, 1):
         moved = step(world.scene, scratch, p, v, NO_LOG, 0, 0.0)
         p, v = moved.p, moved.v
     assert lane["p"][:, 0].tolist() == list(p) and lane["v"][:, 0].tolist() == list(v)
-    assert AHEAD <= lane["rolled"][0] <= 2 * AHEAD
+    assert MAX_FLAT_RUN_STEPS <= lane["steps_done"][0] <= 2 * MAX_FLAT_RUN_STEPS
 
 
 FELT = Surface(0.7)
@@ -188,13 +188,13 @@ def test_balls_on_level_ground_find_a_lane() -> None:
     """From a batch's own first steps; bits do not tell whether they did, only the time it takes."""
     floor = inwards(box([-1.0, -1.0, 0.0], [1.0, 1.0, 1.0]))
     world = World([TriangleMesh(*floor, Surface(rolling=0.1))], ball_radius=BALL)
-    scratch, count = new_scratch(), LANES
+    scratch, count = new_scratch(), SIMD_WIDTH
     angles = np.linspace(0.1, 6.0, count)
     velocities = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(count)])
-    balls = Balls(np.tile([0.1, 0.2, BALL], (count, 1)), velocities, np.zeros(count, RESULT))
+    balls = Balls(np.tile([0.1, 0.2, BALL], (count, 1)), velocities, np.zeros(count, RESULT_DTYPE))
     simulate_range(0, count, world.scene, scratch, 20, balls, np.empty((0, 4)), NO_LOG)
-    assert (scratch.lanes["length"] > 0.0).all()
-    assert (world.scene.triangles["a"][scratch.lanes["ground"][0], 2] == 0.0).all()
+    assert (scratch.rolling_batch["length"] > 0.0).all()
+    assert (world.scene.triangles["a"][scratch.rolling_batch["support"][0], 2] == 0.0).all()
 
 
 def test_a_lane_ends_at_the_bounds() -> None:
@@ -213,7 +213,15 @@ def test_a_lane_ends_at_the_bounds() -> None:
 def enters(world: World, p: list[float], way: float, row: int) -> bool:
     """Return whether a ball that rolls on a triangle along x may roll on."""
     scratch = new_scratch()
-    scratch.lanes[0]["ground"][0] = row
+    scratch.rolling_batch[0]["support"][0] = row
     return bool(
-        enter(world.scene, scratch.near.walk, scratch.contacts, scratch.lanes, 0, Vec3(*p), Vec3(5.0 * way, 0.0, 0.0))
+        try_enter(
+            world.scene,
+            scratch.cache.traversal,
+            scratch.contacts,
+            scratch.rolling_batch,
+            0,
+            Vec3(*p),
+            Vec3(5.0 * way, 0.0, 0.0),
+        )
     )

@@ -27,9 +27,9 @@ def test_hand_worked_drop() -> None:
     shot = world.simulate([0, 0, 0.25], [0, 0, -2], max_time=0.125, record=True)
     assert shot.position == pytest.approx([0, 0, 157 / 800], abs=1e-12)
     assert shot.velocity == pytest.approx([0, 0, 13 / 20], abs=1e-11)
-    assert shot.contacts["time"] == pytest.approx([0.05], abs=1e-12)
-    assert shot.contacts["position"][0] == pytest.approx([0, 0, 0.125], abs=1e-12)
-    assert shot.contacts["normal"].tolist() == [[0, 0, 1]]
+    assert shot.impacts["time"] == pytest.approx([0.05], abs=1e-12)
+    assert shot.impacts["position"][0] == pytest.approx([0, 0, 0.125], abs=1e-12)
+    assert shot.impacts["normal"].tolist() == [[0, 0, 1]]
 
 
 def test_hand_worked_oblique_wall() -> None:
@@ -96,16 +96,16 @@ def test_record_is_consistent(seed: int) -> None:
     shot = world.simulate(p, v, record=True)
     bare = world.simulate(p, v)
     assert shot.status == Status.REST
-    assert (bare.path, bare.times, bare.contacts) == (None, None, None)
+    assert (bare.path, bare.times, bare.impacts) == (None, None, None)
     assert (bare.time, bare.bounces, bare.exhausted) == (shot.time, shot.bounces, 0)
     assert np.array_equal(bare.position, shot.position)
     assert len(shot.path) == len(shot.times)
-    assert len(shot.contacts) == shot.bounces > 0
+    assert len(shot.impacts) == shot.bounces > 0
     assert np.diff(shot.times)[:-1] == pytest.approx(world.dt, abs=1e-12)
     assert (shot.times[0], shot.times[-1]) == (0.0, shot.time)
-    assert (np.diff(shot.contacts["time"]) >= 0.0).all()
+    assert (np.diff(shot.impacts["time"]) >= 0.0).all()
     corners = np.concatenate([body.triangles for body in world.meshes])
-    for contact in shot.contacts:
+    for contact in shot.impacts:
         touched = contact["position"] - world.ball_radius * contact["normal"]
         a, b, c = corners[contact["triangle"]]
         n = np.cross(b - a, c - a)

@@ -59,7 +59,7 @@ def test_clearance_counts_down_to_the_collision(seed: int) -> None:
         end = start + frame @ rng.uniform(-1, 1, 3)
         hit = world.sweep(start, end)
         path = start + np.linspace(0, hit.alpha, 50)[:, None] * (end - start)
-        assert world.clearance(path).min() >= -1e-12 * world.scale
+        assert world.clearance(path).min() >= -1e-12 * world.coordinate_scale
         if hit.hit:
             assert world.clearance(path[-1]) == pytest.approx(0.0, abs=1e-11)
             touched = path[-1] - world.ball_radius * hit.normal
@@ -88,11 +88,11 @@ def test_free_space_is_outside_of_solids_and_inside_of_rooms(kind: str) -> None:
     hall = World([mesh(inwards(SOLIDS[kind]), name="hall")], ball_radius=1e-6)
     for free, blocked, inside in ((solid, hall, False), (hall, solid, True)):
         for p in places(kind, inside, np.random.default_rng(6)):
-            assert np.array_equal(free.require_free(p), p)
+            assert np.array_equal(free.check_collision_free(p), p)
             with pytest.raises(ValueError, match=r"inside 'rock'|outside 'hall'"):
-                blocked.require_free(p)
+                blocked.check_collision_free(p)
     with pytest.raises(ValueError, match="inside 'rock'"):
-        solid.require_free(SOLIDS[kind][0].mean(axis=0))
+        solid.check_collision_free(SOLIDS[kind][0].mean(axis=0))
 
 
 def test_solids_may_touch_and_overlap() -> None:
@@ -104,9 +104,9 @@ def test_solids_may_touch_and_overlap() -> None:
     for p in points[world.clearance(points) > 0]:
         if any(((p > vertices.min(axis=0)) & (p < vertices.max(axis=0))).all() for vertices, _ in blocks):
             with pytest.raises(ValueError, match="inside"):
-                world.require_free(p)
+                world.check_collision_free(p)
         else:
-            assert np.array_equal(world.require_free(p), p)
+            assert np.array_equal(world.check_collision_free(p), p)
 
 
 @pytest.mark.parametrize(("offset", "speed"), [(0.0, 1.313), (0.2, 1.269), (0.4, 1.121), (0.5, 0.987), (0.6, 0.716)])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from minigolf_env.physics import Status, Surface, World
-from minigolf_env.physics.step import PATIENCE
+from minigolf_env.physics.step import FORCE_RESTING_AFTER
 from tests.physics.scenes import BALL, G, about_y, grid, mesh, rotation
 
 
@@ -19,7 +19,7 @@ def test_ball_as_deep_as_the_door_allows_is_not_stopped_by_a_seam(way: str) -> N
         turn = rotation(rng)
         pull = turn @ ([G, 0, 0] if way == "along a wall" else [0, 0, -G])
         world = World([mesh(grid(2.0, 1), Surface(0.0, tangential=1.0), turn)], 0.05, pull, 1 / 60)
-        start = turn @ [-0.6, 0.02, 0.05 - 6e-13 * world.scale]
+        start = turn @ [-0.6, 0.02, 0.05 - 6e-13 * world.coordinate_scale]
         shot = world.simulate(start, turn @ [rng.uniform(0, 3), rng.uniform(-1, 1), 0], max_time=1.0)
         lost += shot.exhausted
     assert lost == 0
@@ -36,8 +36,8 @@ def test_slope_of_seven_tenths_of_the_friction_stops_a_ball_in_time(c: float) ->
             way = turn @ [math.cos(angle), math.sin(angle), 0.0]
             shot = world.simulate(turn @ [0, 0, BALL], speed * way, max_time=60.0, record=True)
             assert shot.status == Status.REST
-            assert shot.sub_steps is not None
+            assert shot.num_substeps is not None
             lost += shot.exhausted
-            pieces.append(shot.sub_steps.max())
+            pieces.append(shot.num_substeps.max())
     assert lost == 0
-    assert np.median(pieces) < 0.5 * PATIENCE
+    assert np.median(pieces) < 0.5 * FORCE_RESTING_AFTER

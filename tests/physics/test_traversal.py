@@ -5,10 +5,16 @@ import pytest
 from numpy.typing import NDArray
 
 from minigolf_env.physics import TriangleMesh, World, sweep_sphere
-from minigolf_env.physics.bvh import LEAF, LOPSIDED, build_tree
-from minigolf_env.physics.jit import entry_kernel
-from minigolf_env.physics.traversal import STACK, begin, new_walk, next_leaf_on_path, next_leaf_within
-from minigolf_env.physics.types import WIDTH, ZERO, RecordArray, Vec3
+from minigolf_env.physics.bvh import MAX_LEAF_SIZE, MAX_SPLIT_RATIO, build_bvh
+from minigolf_env.physics.jit import kernel
+from minigolf_env.physics.traversal import (
+    MAX_STACK_DEPTH,
+    new_traversal,
+    next_leaf_in_radius,
+    next_leaf_in_sweep,
+    start_traversal,
+)
+from minigolf_env.physics.types import BVH_WIDTH, INT64_ZERO, RecordArray, Vec3
 from tests.physics.scenes import BALL, SOUPS, FloatArray, soup, sphere
 
 
@@ -49,8 +55,8 @@ def test_tree_answers_as_the_scan_does(kind: str, radius: float) -> None:
 
 def test_stack_has_room() -> None:
     """For a tree of 10^8 triangles as deep as its splits can make it."""
-    levels = np.log(1e8 / LEAF) / -np.log1p(-1.0 / LOPSIDED)
-    assert levels * (WIDTH - 1) + WIDTH < STACK
+    levels = np.log(1e8 / MAX_LEAF_SIZE) / -np.log1p(-1.0 / MAX_SPLIT_RATIO)
+    assert levels * (BVH_WIDTH - 1) + BVH_WIDTH < MAX_STACK_DEPTH
 
 
 def test_clearance_is_the_distance_to_the_nearest_triangle() -> None:
@@ -64,18 +70,18 @@ def test_clearance_is_the_distance_to_the_nearest_triangle() -> None:
     assert world.clearance(body[0] * 1.5) == pytest.approx(0.5 - BALL, abs=1e-12)
 
 
-@entry_kernel
+@kernel
 def write_leaves(
-    nodes: RecordArray, walk: RecordArray, p: Vec3, w: Vec3, reach: float, found: NDArray[np.int64]
+    nodes: RecordArray, traversal: RecordArray, p: Vec3, w: Vec3, reach: float, found: NDArray[np.int64]
 ) -> int:
     """Write the leaves (N, 2) on a path, or around a point if it has no length; return their number."""
-    begin(walk)
-    count, size = ZERO, ZERO + 1
+    start_traversal(traversal)
+    count, size = INT64_ZERO, INT64_ZERO + 1
     while size > 0:
         if w.x == 0.0:
-            first, size = next_leaf_within(nodes, walk, p, reach)
+            first, size = next_leaf_in_radius(nodes, traversal, p, reach)
         else:
-            first, size = next_leaf_on_path(nodes, walk, p, w, reach)
+            first, size = next_leaf_in_sweep(nodes, traversal, p, w, reach)
         found[count, 0], found[count, 1] = first, size
         count += size > 0
     return count
@@ -84,10 +90,10 @@ def write_leaves(
 @pytest.mark.parametrize("length", [0.0, 100.0, -100.0])
 def test_walks_come_to_what_is_near_and_nearer_first(length: float) -> None:
     """In a row of triangles that are points: all of them and none besides, along a path or around a point."""
-    nodes, order = build_tree(np.arange(64.0)[:, None, None] + np.zeros((64, 3, 3)))
+    nodes, order = build_bvh(np.arange(64.0)[:, None, None] + np.zeros((64, 3, 3)))
     start, found = 20.2, np.empty((64, 2), np.int64)
     count = write_leaves(
-        nodes, new_walk(), Vec3(*[start] * 3), Vec3(*[length] * 3), 10.0 if length == 0.0 else 0.1, found
+        nodes, new_traversal(), Vec3(*[start] * 3), Vec3(*[length] * 3), 10.0 if length == 0.0 else 0.1, found
     )
     places = [order[first : first + size] for first, size in found[:count]]
     ahead = np.arange(64) - start

@@ -44,7 +44,7 @@ def path_to_first_bounce(world: World, position: FloatArray, velocity: FloatArra
     shot = world.simulate(position, velocity, MAX_PREDICTION_TIME, record=True)
     path = np.asarray(shot.path)
     times = np.asarray(shot.times)
-    contacts = shot.contacts
+    contacts = shot.impacts
     if contacts is None or not len(bounces := contacts[contacts["normal"][:, 2] < GROUND_NORMAL_Z]):
         return path
     first = bounces[0]

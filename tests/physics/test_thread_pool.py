@@ -9,13 +9,13 @@ import threading
 
 import pytest
 
-from minigolf_env.physics import parallel
+from minigolf_env.physics import thread_pool
 
 
 @pytest.fixture(params=[1, 2, 3])
 def threads(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> int:
     """Let numba be set to so many threads."""
-    monkeypatch.setattr(parallel, "_number", lambda: request.param)
+    monkeypatch.setattr(thread_pool, "_num_threads", lambda: request.param)
     return int(request.param)
 
 
@@ -23,14 +23,14 @@ def threads(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> 
 def test_pieces_are_all_rows_once(threads: int, n: int) -> None:
     """And short enough for an interrupt to come through, on one thread too."""
     pieces: list[tuple[int, int]] = []
-    parallel.in_parallel(lambda first, last: pieces.append((first, last)), n)
+    thread_pool.parallel_for(lambda first, last: pieces.append((first, last)), n)
     assert [row for first, last in sorted(pieces) for row in range(first, last)] == list(range(n))
-    assert max(last - first for first, last in pieces) <= parallel.LONGEST
+    assert max(last - first for first, last in pieces) <= thread_pool.MAX_CHUNK_SIZE
 
 
 def test_no_piece_begins_after_an_interrupt(monkeypatch: pytest.MonkeyPatch) -> None:
     """Those that run come to their end; those that wait for a thread are dropped."""
-    monkeypatch.setattr(parallel, "_number", lambda: 2)
+    monkeypatch.setattr(thread_pool, "_num_threads", lambda: 2)
     gate, begun = threading.Event(), []
 
     def run(first: int, last: int) -> None:
@@ -41,12 +41,12 @@ def test_no_piece_begins_after_an_interrupt(monkeypatch: pytest.MonkeyPatch) -> 
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(parallel, "wait", interrupted)
+        patch.setattr(thread_pool, "wait", interrupted)
         with pytest.raises(KeyboardInterrupt):
-            parallel.in_parallel(run, 1000)
+            thread_pool.parallel_for(run, 1000)
     gate.set()
     after: list[int] = []
-    parallel.in_parallel(lambda first, last: after.extend(range(first, last)), 1000)  # Behind what is still queued.
+    thread_pool.parallel_for(lambda first, last: after.extend(range(first, last)), 1000)  # Behind what is still queued.
     assert len(begun) <= 2 and sorted(after) == list(range(1000))
 
 
@@ -58,15 +58,15 @@ def test_an_error_in_a_piece_comes_out(threads: int) -> None:
             raise ArithmeticError("row 70")
 
     with pytest.raises(ArithmeticError, match="row 70"):
-        parallel.in_parallel(run, 100)
+        thread_pool.parallel_for(run, 100)
 
 
 def test_batches_of_all_sizes_share_their_threads(monkeypatch: pytest.MonkeyPatch) -> None:
     """No more are kept than numba is set to use."""
-    monkeypatch.setattr(parallel, "_number", lambda: 3)
+    monkeypatch.setattr(thread_pool, "_num_threads", lambda: 3)
     names: set[int] = set()
     for n in (2, 3, 4, 100):
-        parallel.in_parallel(lambda first, last: names.add(threading.get_ident()), n)
+        thread_pool.parallel_for(lambda first, last: names.add(threading.get_ident()), n)
     assert len(names) <= 3
 
 
@@ -77,12 +77,12 @@ def test_no_threads_are_there_at_a_fork() -> None:
 import os, threading
 seen = []
 os.register_at_fork(before=lambda: seen.append(threading.active_count()))  # The first to register is the last asked.
-from minigolf_env.physics import parallel
-parallel._number = lambda: 2
+from minigolf_env.physics import thread_pool
+thread_pool._num_threads = lambda: 2
 
 def rows():
     found = []
-    parallel.in_parallel(lambda first, last: found.extend(range(first, last)), 100)
+    thread_pool.parallel_for(lambda first, last: found.extend(range(first, last)), 100)
     return sorted(found) == list(range(100)) and threading.active_count() > 1
 
 good = rows()

@@ -1,0 +1,86 @@
+"""Batches on all cores: contiguous chunks of rows on a pool of plain threads."""
+
+from __future__ import annotations
+
+import math
+import os
+import threading
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor, wait
+from itertools import pairwise
+from typing import Any
+
+import numba
+import numpy as np
+
+CHUNKS_PER_THREAD = 4
+"""Number of chunks of a batch for each thread: putts differ in length, and several chunks even out the load."""
+
+MAX_CHUNK_SIZE = 4096
+"""Maximum number of rows in a chunk: after an interrupt the chunks that are running finish."""
+
+_pools: dict[int, ThreadPoolExecutor] = {}
+"""Thread pools by their number of threads."""
+
+_lock = threading.RLock()
+"""Held while chunks are submitted to a pool, and during a fork."""
+
+
+def parallel_for(run: Callable[..., None], n: int, *arguments: Any) -> None:
+    """Call run(first, last, *arguments) on chunks of range(n), on as many threads as numba is set to use.
+
+    Plain threads suffice, as the kernels release the GIL: there is no threading layer that a fork breaks, and no second
+    compilation. The threads are kept, since starting them takes as long as a thousand balls at rest. After an
+    interrupt, such as Ctrl-C, no further chunk starts.
+    """
+    num_threads = _num_threads()
+    is_serial = min(num_threads, n) <= 1
+    if is_serial and n <= MAX_CHUNK_SIZE:
+        run(0, n, *arguments)
+        return
+    num_chunks = max(1 if is_serial else min(n, CHUNKS_PER_THREAD * num_threads), math.ceil(n / MAX_CHUNK_SIZE))
+    chunks = list(pairwise(np.linspace(0, n, num_chunks + 1).astype(int).tolist()))
+    if is_serial:
+        for first, last in chunks:
+            run(first, last, *arguments)
+        return
+    futures: list[Future[None]] = []
+    try:
+        with _lock:
+            pool = _pools.get(num_threads) or _pools.setdefault(num_threads, ThreadPoolExecutor(num_threads))
+            for first, last in chunks:
+                futures.append(pool.submit(run, first, last, *arguments))
+        wait(futures)
+    except BaseException:
+        for future in futures:
+            future.cancel()
+        raise
+    for future in futures:
+        future.result()
+
+
+def _num_threads() -> int:
+    """Return the number of threads that numba is set to use, without starting numba's threading layer.
+
+    Its OpenMP layer, once started, sets the number of threads of the process's OpenMP, which torch shares: torch's
+    elementwise functions would wait for threads that torch.set_num_threads(1) had ruled out, at a tenth of the speed.
+    """
+    try:
+        numba.threading_layer()  # type: ignore[attr-defined]
+    except ValueError:  # The layer has not started, so that no number has been set either.
+        return int(numba.config.NUMBA_NUM_THREADS)  # type: ignore[attr-defined]
+    return int(numba.get_num_threads())
+
+
+def _before_fork() -> None:
+    """End the threads: a child process would have none of them, and Python warns of a fork with running threads."""
+    _lock.acquire()
+    try:
+        for pool in _pools.values():
+            pool.shutdown()  # Waits for the chunks that another thread has submitted.
+    finally:
+        _pools.clear()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(before=_before_fork, after_in_parent=_lock.release, after_in_child=_lock.release)
