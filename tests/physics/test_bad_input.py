@@ -192,7 +192,7 @@ def test_ball_larger_than_the_room_is_refused_in_it_and_works_beside_it() -> Non
 
 @pytest.mark.parametrize("inside", [True, False])
 def test_start_on_the_wrong_side_is_named_when_asked_and_harmless_when_not(inside: bool) -> None:
-    """In a solid or out of the room check_collision_free refuses the ball; a run goes on with finite numbers and ends."""
+    """In a solid or outside the room check_collision_free refuses the ball; a run has finite numbers and ends."""
     world = World([mesh(inwards(box([-1, -1, 0], [1, 1, 2])), name="hall"), mesh(BLOCK, name="rock")])
     p: FloatArray = np.array([0.0, 0.0, 0.2 if inside else -1.0])
     with pytest.raises(ValueError, match="inside 'rock'" if inside else "outside 'hall'"):

@@ -83,7 +83,7 @@ def places(kind: str, inside: bool, rng: np.random.Generator) -> FloatArray:
 
 @pytest.mark.parametrize("kind", SOLIDS)
 def test_free_space_is_outside_of_solids_and_inside_of_rooms(kind: str) -> None:
-    """Near faces, edges, corners and the middle alike, check_collision_free refuses a centre in a solid or out of the room."""
+    """Near faces, edges, corners and centres, check_collision_free refuses a ball in a solid or outside the room."""
     solid = World([mesh(SOLIDS[kind], name="rock")], ball_radius=1e-6)
     hall = World([mesh(inwards(SOLIDS[kind]), name="hall")], ball_radius=1e-6)
     for free, blocked, inside in ((solid, hall, False), (hall, solid, True)):
