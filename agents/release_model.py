@@ -18,7 +18,7 @@ from agents import runs, train_generalist, train_ppo
 from minigolf_env._atomic_io import atomic_write
 from minigolf_env.evaluation.evaluate import evaluate
 from minigolf_env.evaluation.report import print_evaluations, write_json_report
-from minigolf_env.players.network import read_network
+from minigolf_env.players.model_files import load_model, save_model
 from minigolf_env.players.policies import PRETRAINED_FOLDER, PRETRAINED_MODELS, ModelPolicy
 
 LARGEST = 200_000
@@ -60,7 +60,8 @@ def main(args: Args) -> None:
     file = args.folder / PRETRAINED_MODELS[name]
     with atomic_write(file) as part:  # The model that shipped before stays until this one is scored.
         # A judge, which has ten times the weights, is rounded.
-        read_network(args.run / ("best.npz" if judges else "best.zip")).save(part, np.float16 if judges else np.float32)
+        model = load_model(args.run / ("best.npz" if judges else "best.zip"))
+        save_model(model, part, np.float16 if judges else np.float32)
         size = part.stat().st_size
         if size > LARGEST:
             raise SystemExit(f"model: expected at most {LARGEST:,} bytes, received {size:,}; train a smaller network.")

@@ -31,7 +31,7 @@ from agents.sb3_vec_env import SB3VecEnv
 from minigolf_env._atomic_io import atomic_write, remove_stale_temps, write_text
 from minigolf_env.evaluation.evaluate import EvaluationResult, evaluate
 from minigolf_env.evaluation.report import print_evaluations, write_json_report
-from minigolf_env.players.network import check_model
+from minigolf_env.players.model_files import check_sb3_file
 from minigolf_env.players.policies import Policy, SB3Policy, load_policy
 
 CONSOLE = Console()
@@ -174,7 +174,7 @@ def train(args: Args, build: Build[Args], callbacks: Sequence[BaseCallback], fol
         if isinstance(model, OffPolicyAlgorithm):  # Its memory is not saved: first it collects a new one.
             model.learning_starts += model.num_timesteps
     elif args.start is not None:
-        check_model(args.start)
+        check_sb3_file(args.start)
         model.set_parameters(str(args.start))
     model.tensorboard_log = str(folder)
     checkpoints = Checkpoints(args, folder)
@@ -199,7 +199,7 @@ def restore(model: BaseAlgorithm, path: Path) -> None:
 
     Unlike ``load`` it runs no code that is pickled in the file: a run of someone else's may be gone on with, too.
     """
-    check_model(path)
+    check_sb3_file(path)
     _, parameters, variables = load_from_zip_file(path, device=model.device, load_data=False)
     model.set_parameters(parameters, device=model.device)
     for name, value in (variables or {}).items():  # SAC's entropy coefficient, which is no network's.

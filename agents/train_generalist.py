@@ -34,13 +34,16 @@ from minigolf_env._atomic_io import atomic_write
 from minigolf_env.courses.procedural import PROCEDURAL
 from minigolf_env.envs.task import TaskBatch
 from minigolf_env.evaluation.evaluate import EvaluationResult
-from minigolf_env.players.network import Layer, Network, check_weights, read_network
+from minigolf_env.players.mlp import MLP, Layer
+from minigolf_env.players.model_files import check_torch_file, load_model, save_model
 from minigolf_env.players.policies import ModelPolicy
-from minigolf_env.players.putt_features import MIRROR, NUMBERS, QUICK, SHORTEST, TOP_ROLL, Putts, actions, best, foresee
+from minigolf_env.players.putt_features import MAX_ROLL, NUM_FEATURES, REFLECTION_SIGNS, putt_actions, putt_features
+from minigolf_env.players.putt_optimizer import MIN_ROLL, TRAINING_PUTT_GRID, BestPutts, optimize_putt
+from minigolf_env.players.putt_value_model import PuttValueModel
 
 Array = NDArray[np.float32]
 
-ANYWHERE = (0.4, TOP_ROLL)
+ANYWHERE = (0.4, MAX_ROLL)
 """Least and largest roll of putts tried anywhere, m."""
 
 NEAR = ((0.003, 0.3), (0.01, 0.5))
@@ -101,11 +104,11 @@ class Memory:
     """
 
     def __init__(self, size: int, rng: np.random.Generator) -> None:
-        self.sights, self.targets = np.empty((size, NUMBERS), np.float32), np.empty((size, 2), np.float32)
+        self.sights, self.targets = np.empty((size, NUM_FEATURES), np.float32), np.empty((size, 2), np.float32)
         self.rng, self.added = rng, 0
 
     def add(self, sights: Array, targets: Array) -> None:
-        """Take in putts (N, NUMBERS) and what became of them (N, 2), in place of the oldest."""
+        """Take in putts (N, NUM_FEATURES) and what became of them (N, 2), in place of the oldest."""
         rows = (self.added + np.arange(len(sights))) % len(self.sights)
         self.sights[rows], self.targets[rows] = sights, targets
         self.added += len(sights)
@@ -114,7 +117,7 @@ class Memory:
         """Return some putts, every second one mirrored, and what became of them."""
         rows = self.rng.integers(min(self.added, len(self.sights)), size=number)
         sights = self.sights[rows]
-        sights[::2] *= MIRROR
+        sights[::2] *= REFLECTION_SIGNS
         return torch.from_numpy(sights), torch.from_numpy(self.targets[rows])
 
 
@@ -129,19 +132,22 @@ class Training:
     def __init__(self, args: Args, folder: Path) -> None:
         torch.manual_seed(args.seed)
         self.args, self.folder, self.progress = args, folder, runs.Progress(args, folder)
-        sizes = (NUMBERS, *args.hidden, 2)
+        sizes = (NUM_FEATURES, *args.hidden, 2)
         parts = [(torch.nn.Linear(*pair), torch.nn.ReLU()) for pair in itertools.pairwise(sizes)]
         self.net = torch.nn.Sequential(*list(itertools.chain(*parts))[:-1])
         self.optimizer = torch.optim.AdamW(self.net.parameters(), args.learning_rate, weight_decay=1e-3)
         self.putts = 0
         if (folder / "checkpoint.pt").is_file():
-            check_weights((folder / "checkpoint.pt").read_bytes())
+            check_torch_file((folder / "checkpoint.pt").read_bytes())
             stored = torch.load(folder / "checkpoint.pt", weights_only=True)
             self.net.load_state_dict(stored["net"])
             self.optimizer.load_state_dict(stored["optimizer"])
             self.putts = stored["putts"]
         elif args.start is not None:
-            self.begin_with(read_network(args.start))
+            model = load_model(args.start)
+            if not isinstance(model, PuttValueModel):
+                raise SystemExit(f"start: expected a value model of putts, received a policy in {args.start}.")
+            self.begin_with(model)
         self.saved_at = self.putts
         # One to play by and one to learn by, which goes on at the same time. Resumed, not the same levels again.
         self.rng, learning = np.random.default_rng((args.seed, self.putts)).spawn(2)
@@ -151,19 +157,19 @@ class Training:
         self.logger = configure(str(folder / "log"), ["tensorboard"])
 
     @property
-    def judge(self) -> Network:
+    def judge(self) -> PuttValueModel:
         """The network as it is now, for numpy."""
         linear = [layer for layer in self.net if isinstance(layer, torch.nn.Linear)]
         arrays = ((layer.weight.detach().numpy().T, layer.bias.detach().numpy()) for layer in linear)
         layers = tuple(Layer(np.array(weights, order="C"), bias.copy()) for weights, bias in arrays)
-        return Network(layers, "relu", judges=True)
+        return PuttValueModel(MLP(layers, "relu"))
 
-    def begin_with(self, judge: Network) -> None:
+    def begin_with(self, judge: PuttValueModel) -> None:
         """Take over the weights of a model."""
-        sizes = [[layer.weights.shape for layer in network.layers] for network in (self.judge, judge)]
+        sizes = [[layer.weights.shape for layer in model.mlp.layers] for model in (self.judge, judge)]
         if sizes[0] != sizes[1]:
             raise SystemExit(f"start: expected a model with layers {sizes[0]}, received {sizes[1]}; set --hidden.")
-        arrays = [array for layer in judge.layers for array in (layer.weights.T, layer.bias)]
+        arrays = [array for layer in judge.mlp.layers for array in (layer.weights.T, layer.bias)]
         for weights, array in zip(self.net.parameters(), arrays, strict=True):
             weights.data = torch.tensor(array)
 
@@ -183,7 +189,7 @@ class Training:
                 if self.putts - self.saved_at >= self.args.check_every:
                     self.check()
 
-    def play(self, judge: Network) -> tuple[Array, Array]:
+    def play(self, judge: PuttValueModel) -> tuple[Array, Array]:
         """Try putts from where the balls lie, and play one of each ball's; return sights, and what became of them.
 
         That is whether a putt holed out, and the strokes that it leaves if not, as shaping guesses them.
@@ -192,27 +198,27 @@ class Training:
         sights, targets = (np.concatenate(arrays) for arrays in zip(*played, strict=True))
         return sights, targets
 
-    def play_batch(self, judge: Network, k: int) -> tuple[Array, Array]:
+    def play_batch(self, judge: PuttValueModel, k: int) -> tuple[Array, Array]:
         """Do so in one of the batches."""
         args, envs, rng, seen = self.args, self.batches[k].unwrapped, self.rng, self.seen[k]
-        directions, rolls = self.around(best(seen, judge.cost, QUICK, rng))
-        outcome = envs.what_if(actions(*self.disturb(directions, rolls)))  # type: ignore[attr-defined]
+        directions, rolls = self.around(optimize_putt(seen, judge.expected_strokes, TRAINING_PUTT_GRID, rng))
+        outcome = envs.what_if(putt_actions(*self.disturb(directions, rolls)))  # type: ignore[attr-defined]
         tasks: TaskBatch = envs.task_batch  # type: ignore[attr-defined]
         left = -tasks.potential(outcome.position.swapaxes(0, 1)).T
         rows, tries = np.arange(len(seen)), rng.integers(args.tries, size=len(seen))
         played = rows, np.where(rng.random(len(seen)) < args.greedy, 0, tries)
-        self.seen[k] = envs.step(actions(directions[played], rolls[played]))[0]
-        sights = foresee(seen, directions, rolls[..., None])
-        return sights.reshape(-1, NUMBERS), np.stack([outcome.holed, left], -1, dtype=np.float32).reshape(-1, 2)
+        self.seen[k] = envs.step(putt_actions(directions[played], rolls[played]))[0]
+        sights = putt_features(seen, directions, rolls[..., None])
+        return sights.reshape(-1, NUM_FEATURES), np.stack([outcome.holed, left], -1, dtype=np.float32).reshape(-1, 2)
 
-    def around(self, chosen: Putts) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def around(self, chosen: BestPutts) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return directions and rolls (N, tries) to try: the best putt's, then half near it, the rest anywhere."""
         shape, rng = (len(chosen.roll), self.args.tries), self.rng
         spread, push = (log_uniform(rng, between, shape) * rng.normal(size=shape) for between in NEAR)
         order = np.broadcast_to(np.arange(self.args.tries), shape)
         near = order <= self.args.tries // 2
         directions = chosen.direction[:, None] + spread * (order > 0)
-        rolls = np.clip(chosen.roll[:, None] * np.exp(push * (order > 0)), SHORTEST, TOP_ROLL)
+        rolls = np.clip(chosen.roll[:, None] * np.exp(push * (order > 0)), MIN_ROLL, MAX_ROLL)
         anywhere = log_uniform(rng, ANYWHERE, shape)
         return np.where(near, directions, rng.uniform(0.0, 2.0 * np.pi, shape)), np.where(near, rolls, anywhere)
 
@@ -247,7 +253,7 @@ class Training:
     def keep(self, name: str) -> None:
         """Write the model that plays under a name."""
         with atomic_write(self.folder / name) as part:
-            self.judge.save(part)
+            save_model(self.judge, part)
 
     def check(self) -> None:
         """Save, score, and keep the model if it is the best so far."""

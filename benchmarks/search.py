@@ -21,7 +21,7 @@ from minigolf_env.envs import MiniGolfEnv
 from minigolf_env.evaluation.report import format_with_interval
 from minigolf_env.evaluation.statistics import mean_interval
 from minigolf_env.players.policies import RandomPolicy
-from minigolf_env.players.search import THOROUGH, Plan, search
+from minigolf_env.players.search import THOROUGH_SEARCH, Plan, search
 
 Planner = Callable[[MiniGolfEnv], Plan]
 
@@ -65,7 +65,7 @@ def play(env: MiniGolfEnv, planner: Planner, starts: list[dict[str, Any]], name:
         format_with_interval(float(np.mean(strokes)), mean_interval(strokes)),
         f"{np.mean(np.array(strokes) == 1):.0%}",
         f"{max(strokes)}",
-        f"{np.mean([plan.tried for plan in plans]):,.0f}",
+        f"{np.mean([plan.num_simulated for plan in plans]):,.0f}",
         f"{1e3 * cpu / len(plans):,.0f}",
     ]
 
@@ -81,7 +81,7 @@ def main(args: Args) -> None:
         columns,
         [
             play(plain, guess, seeds, "random"),
-            play(plain, planner(efforts=[THOROUGH], look_ahead=False), seeds, "thorough at once"),
+            play(plain, planner(budgets=[THOROUGH_SEARCH], look_ahead=False), seeds, "thorough at once"),
             play(plain, search, seeds, "search"),
             play(noisy, planner(noise=(0.0, 0.0)), seeds, "noise, search blind to it"),
             play(noisy, search, seeds, "noise, search"),

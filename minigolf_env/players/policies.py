@@ -1,4 +1,4 @@
-"""Players behind one interface: random, search, or a trained model."""
+"""Policies behind one interface: random, search, and trained models."""
 
 from __future__ import annotations
 
@@ -13,46 +13,48 @@ from numpy.typing import NDArray
 from minigolf_env._validation import one_of
 from minigolf_env.envs import MiniGolfEnv
 from minigolf_env.envs.observations import OBSERVATIONS
-from minigolf_env.players.network import read_network
-from minigolf_env.players.putt_features import NUMBERS, best
+from minigolf_env.players.model_files import load_model
+from minigolf_env.players.putt_features import NUM_FEATURES
+from minigolf_env.players.putt_optimizer import optimize_putt
+from minigolf_env.players.putt_value_model import PuttValueModel
 from minigolf_env.players.search import search
 
 Action = NDArray[np.float32]
 
 PRETRAINED_FOLDER = Path(__file__).parent / "pretrained"
-"""The models that ship. The card beside each, .json, has its training command, scores and SHA-256."""
+"""Folder of the pretrained models. A model's card, .json, has its training command, scores and SHA-256."""
 
 PRETRAINED_MODELS = {"ppo": "dogleg.npz", "generalist": "procedural.npz"}
-"""Their files by name: "ppo" is for the default hole, "generalist" for procedural levels."""
+"""Files of the pretrained models by name: "ppo" is for the default hole, "generalist" for procedural levels."""
 
 POLICY_NAMES = ("random", "search", *PRETRAINED_MODELS)
 
 
 class Policy(Protocol):
-    """A player."""
+    """A policy: it chooses the next putt."""
 
     observation: str
-    """What it sees: the environment's ``observation``."""
+    """The kind of observation that the policy needs: the environment's ``observation`` argument."""
 
     def act(self, observation: NDArray[Any], env: MiniGolfEnv) -> Action:
-        """Return the putt (2,) to play; a policy that learned looks at the observation, one that plans at the game."""
+        """Return the putt to play, shape (2,). Trained policies use the observation; search uses the environment."""
         ...
 
 
 @runtime_checkable
 class BatchPolicy(Policy, Protocol):
-    """A player that needs no more than observations, and takes many at once."""
+    """A policy that needs only observations and accepts batches of them."""
 
     def act_batch(self, observations: NDArray[Any]) -> Action:
-        """Return the putts (N, 2) to play after observations (N, ...)."""
+        """Return the putts to play (N, 2) for observations (N, ...)."""
         ...
 
 
 class RandomPolicy:
-    """Plays putts drawn uniformly from the disc of all putts, reproducibly.
+    """A policy that plays putts drawn uniformly from the disc of all putts, reproducibly.
 
     Args:
-        seed: of the policy's own random numbers, at least 0.
+        seed: seed of the policy's own random numbers, at least 0.
 
     Raises:
         ValueError: the seed is below 0.
@@ -67,13 +69,13 @@ class RandomPolicy:
 
     def act(self, observation: NDArray[Any], env: MiniGolfEnv) -> Action:
         """Return a random putt (2,)."""
-        direction, share = self._rng.random(2)
-        turn = 2.0 * np.pi * direction
-        return np.asarray(np.sqrt(share) * np.array([np.cos(turn), np.sin(turn)]), dtype=np.float32)
+        turn, area = self._rng.random(2)
+        direction = 2.0 * np.pi * turn
+        return np.asarray(np.sqrt(area) * np.array([np.cos(direction), np.sin(direction)]), dtype=np.float32)
 
 
 class SearchPolicy:
-    """Plays the best of the putts that ``planning.search`` tries from where the ball lies."""
+    """A policy that plays the putt that ``search`` finds from the ball's position."""
 
     observation = "state"
 
@@ -83,43 +85,51 @@ class SearchPolicy:
 
 
 class ModelPolicy:
-    """Plays what a trained model finds best, without exploring. Reading its file runs no code that is in it.
+    """A policy that plays the action a trained model considers best, without exploring.
+
+    Reading the model's file runs no code from it.
 
     Args:
-        path: the .zip file that stable-baselines3's ``model.save`` wrote after training an "MlpPolicy" by PPO or SAC,
-            or an .npz file that ``network.Network.save`` wrote.
+        path: the .zip file that stable-baselines3's ``model.save`` wrote after training an "MlpPolicy" with PPO or SAC,
+            or an .npz file that ``model_files.save_model`` wrote.
 
     Raises:
-        FileNotFoundError, ValueError, ImportError: as for ``network.read_network``; ValueError also if the model was
-            trained with another number of observations than any kind has.
+        FileNotFoundError, ValueError, ImportError: as ``model_files.load_model``. ValueError also if the model has
+            another number of inputs than every kind of observation.
     """
 
     def __init__(self, path: str | Path) -> None:
-        self.network = read_network(path)
-        if self.network.judges and self.network.inputs != NUMBERS:
-            raise ValueError(f"model: expected a judge of {NUMBERS} numbers, received one of {self.network.inputs}.")
-        self.observation = "bounce_rays" if self.network.judges else _kind((self.network.inputs,))
+        self.model = load_model(path)
+        num_inputs = self.model.mlp.num_inputs
+        if isinstance(self.model, PuttValueModel):
+            if num_inputs != NUM_FEATURES:
+                raise ValueError(f"model: expected a value model of {NUM_FEATURES} features, received {num_inputs}.")
+            self.observation = "bounce_rays"
+        else:
+            self.observation = _infer_observation((num_inputs,))
         self.sha256 = _sha256(Path(path))
-        """Of the file."""
+        """SHA-256 of the file."""
 
     def act(self, observation: NDArray[Any], env: MiniGolfEnv) -> Action:
-        """Return the mean of the policy's distribution (2,), or the putt that is judged best."""
+        """Return the mean of the policy's distribution, or the putt with the fewest expected strokes, shape (2,)."""
         return np.asarray(self.act_batch(observation[None])[0])
 
     def act_batch(self, observations: NDArray[Any]) -> Action:
-        """Return such putts (N, 2): each has the bits of ``act``."""
-        return best(observations, self.network.cost).actions if self.network.judges else self.network(observations)
+        """Return the putts (N, 2); each has the same bits as that of ``act``."""
+        if isinstance(self.model, PuttValueModel):
+            return optimize_putt(observations, self.model.expected_strokes).actions
+        return self.model.act_batch(observations)
 
 
 class SB3Policy:
-    """Plays a loaded model of any algorithm and network by its ``predict``, as stable-baselines3's models have it.
+    """A policy that plays the ``predict`` of a loaded stable-baselines3 model, of any algorithm and network.
 
-    Loading such a model, ``PPO.load(path)``, runs code that is pickled in the file: load only those you trust. The
+    Loading such a model, ``PPO.load(path)``, runs code that is pickled in the file: load only files you trust. The
     putts of a batch may differ from single ones in the last bits.
 
     Args:
-        model: with ``predict(observations, deterministic=True)``, which returns putts and something else.
-        observation: what it was trained with.
+        model: an object with ``predict(observations, deterministic=True)``, which returns actions and something else.
+        observation: the kind of observation that the model was trained with.
     """
 
     def __init__(self, model: Any, observation: str) -> None:
@@ -127,31 +137,31 @@ class SB3Policy:
         self._model = model
 
     def act(self, observation: NDArray[Any], env: MiniGolfEnv) -> Action:
-        """Return what the model finds best (2,)."""
+        """Return the model's deterministic action (2,)."""
         return np.asarray(self.act_batch(observation[None])[0])
 
     def act_batch(self, observations: NDArray[Any]) -> Action:
-        """Return what the model finds best (N, 2)."""
+        """Return the model's deterministic actions (N, 2)."""
         return np.asarray(self._model.predict(observations, deterministic=True)[0], dtype=np.float32)
 
 
 def load_policy(name: str | Path, seed: int = 0) -> Policy:
-    """Return the policy "random" (with its seed), "search", a model that ships by its name, or the model in a file.
+    """Return the policy "random" (with a seed), "search", a pretrained model by its name, or the model in a file.
 
     Raises:
-        ValueError: the name is none of these, or the file holds something else.
-        FileNotFoundError, ImportError: as for ModelPolicy.
+        ValueError: the name is none of these, or the file contains something else.
+        FileNotFoundError, ImportError: as ModelPolicy.
     """
     if Path(name).suffix in (".zip", ".npz"):
         return ModelPolicy(name)
-    known = one_of(name, POLICY_NAMES, "policy (or a model's .zip or .npz file)")
-    if known in PRETRAINED_MODELS:
-        return _shipped(known)
-    return RandomPolicy(seed) if known == "random" else SearchPolicy()
+    checked = one_of(name, POLICY_NAMES, "policy (or a model's .zip or .npz file)")
+    if checked in PRETRAINED_MODELS:
+        return _load_pretrained(checked)
+    return RandomPolicy(seed) if checked == "random" else SearchPolicy()
 
 
-def _shipped(name: str) -> ModelPolicy:
-    """Return a model that ships, if it is the one on its card."""
+def _load_pretrained(name: str) -> ModelPolicy:
+    """Return a pretrained model, if it is the one that its card describes."""
     file = PRETRAINED_FOLDER / PRETRAINED_MODELS[name]
     card = file.with_suffix(".json")
     if not (file.is_file() and card.is_file()):
@@ -168,9 +178,9 @@ def _sha256(path: Path) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
-def _kind(shape: tuple[int, ...]) -> str:
-    """Return which kind of observation has a shape."""
+def _infer_observation(shape: tuple[int, ...]) -> str:
+    """Return the kind of observation that has a shape."""
     shapes = {name: observer.space().shape for name, observer in OBSERVATIONS.items()}
     if shape not in shapes.values():
-        raise ValueError(f"model: expected one that sees an observation of {shapes}, received one that sees {shape}.")
+        raise ValueError(f"model: expected one trained on an observation of {shapes}, received one trained on {shape}.")
     return next(name for name, known in shapes.items() if known == shape)

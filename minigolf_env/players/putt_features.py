@@ -1,17 +1,29 @@
-"""What a ball that sees "bounce_rays" can foresee of a putt, and which putt looks best.
+"""Features of a putt with a given direction and strength, computed from an observation of bounce rays.
 
-A putt's line is followed off the walls that the ray beside it met as light is off mirrors, which is how balls come off
-wooden borders. Each leg of the line tells how far it passes the cup, how it climbs, and what roll the putt has left
-there. These numbers, its sight, stay the same when a hole is moved or turned.
+The line of a putt is followed off the walls that the bounce ray next to it hit, reflected as light is by mirrors, which
+is how balls bounce off wooden borders. For each straight segment of the line the features say how far it passes the
+cup, how it climbs, and how much roll the putt has left there. They do not change when a hole is moved or turned.
 
-Lengths are metres. A putt is its direction, radians counter-clockwise from x, and its roll: how far it would go on flat
-ground without walls, a measure of its energy. Arrays are of N balls, D directions each, and S rolls in each direction.
+The features of a putt, NUM_FEATURES numbers of about [-1, 1]; "along" and "left" are relative to its direction:
+
+    0-6     the slope along and left, the ground below, the height of the cup, the position on the level along and left,
+            the number of strokes left
+    7-12    the distance to the cup, its component along, and its component left at four scales
+    13-56   for each of the four segments: by how much the line misses the cup, at three scales; the length; how far
+            along the segment is closest to the cup; is_exact; matches_neighbor; the direction along and left; the
+            height of the end; the greatest height
+    57-61   the roll distance as square root and as share of the greatest, and the roll beyond the cup at three scales
+    62-73   for each of the four segments: the roll left next to the cup at two scales; how likely the ball drops
+    74-75   the distance from the resting place to the cup, at two scales
+
+Lengths are in metres. A putt has a direction, in radians counter-clockwise from x, and a roll distance: how far it
+would roll on flat ground without walls, a measure of its energy. Arrays are for N balls, D directions for each ball,
+and S roll distances for each direction.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -30,267 +42,225 @@ from minigolf_env.envs.task import STATE_FEATURES
 
 Array = NDArray[np.float32]
 
-TOP_ROLL = TOP_SPEED**2 / (2.0 * ROLLING * 9.81)
-"""Of a full putt, m."""
+MAX_ROLL = TOP_SPEED**2 / (2.0 * ROLLING * 9.81)
+"""Roll distance of a putt at top speed, m."""
 
-SHARE = WOOD.damping**2
-"""What a bounce leaves of the roll."""
+ROLL_KEPT_PER_BOUNCE = WOOD.damping**2
+"""Share of the roll distance that is left after a bounce."""
 
-PARALLEL, LEVEL = 0.97, 0.04
-"""Two walls are one if the cosine between their normals is greater and one's end is nearer to the other, m."""
+PARALLEL_COSINE = 0.97
+"""Two walls are the same wall only if the cosine of the angle between their normals is greater than this."""
 
-FURTHEST = 12.0
-"""How long a leg may be, m: a line that all but misses a wall of the ray beside it does not meet it."""
+SAME_WALL_DISTANCE = 0.04
+"""Two walls are the same wall only if the end of one ray is closer than this to the plane of the other's wall, m."""
 
-NUMBERS = 20 + 14 * NUM_SEGMENTS
-"""Of a sight."""
+MAX_SEGMENT_LENGTH = 12.0
+"""Longest segment, m: a line that is almost parallel to the wall of the ray next to it does not hit that wall."""
 
-MIRROR = np.ones(NUMBERS, np.float32)
-"""What a sight is times, where left and right are exchanged: -1 for the numbers that say how far to the left."""
-MIRROR[[1, 5, *range(9, 13), *(13 + 11 * leg + k for leg in range(NUM_SEGMENTS) for k in (0, 1, 2, 8))]] = -1.0
+UNCERTAIN_SEGMENT_RANGE = 8.0
+"""How far along a segment that is not exact the cup is looked for, m."""
 
-ASTRAY = 8.0
-"""How far along a leg whose wall is not sure the cup is looked for, m."""
+NUM_FEATURES = 20 + 14 * NUM_SEGMENTS
+"""Number of features of a putt."""
 
-UNITS = np.array([MAX_BOUNCE_RAY_LENGTH, MAX_BOUNCE_RAY_LENGTH, 1.0, 1.0, 1.0, 1.0], np.float32)
-"""Of an echo's numbers, m."""
+REFLECTION_SIGNS = np.ones(NUM_FEATURES, np.float32)
+"""Factors that exchange left and right in the features of a putt: -1 for components to the left, 1 for all others."""
+REFLECTION_SIGNS[
+    [1, 5, *range(9, 13), *(13 + 11 * segment + k for segment in range(NUM_SEGMENTS) for k in (0, 1, 2, 8))]
+] = -1.0
 
-STROKES = STATE_FEATURES.index("strokes left")
-DEPTH = len(STATE_FEATURES)
-SLOPE = DEPTH + 1
-STRAIGHT = DEPTH + NUM_GROUND_FEATURES
-HEIGHT = STRAIGHT + 2
-ECHOED = STRAIGHT + NUM_CUP_FEATURES
+RAY_UNITS = np.array([MAX_BOUNCE_RAY_LENGTH, MAX_BOUNCE_RAY_LENGTH, 1.0, 1.0, 1.0, 1.0], np.float32)
+"""Units of the numbers of a bounce ray's segment in the observation, m."""
+
+STROKES_LEFT_INDEX = STATE_FEATURES.index("strokes left")
+"""Index of the number of strokes left in an observation."""
+
+GROUND_INDEX = len(STATE_FEATURES)
+"""Index of the ground's depth in an observation."""
+
+SLOPE_INDEX = GROUND_INDEX + 1
+"""Index of the first component of the ground's slope in an observation."""
+
+CUP_INDEX = GROUND_INDEX + NUM_GROUND_FEATURES
+"""Index of the first component of the way to the cup in an observation."""
+
+CUP_HEIGHT_INDEX = CUP_INDEX + 2
+"""Index of the cup's height in an observation."""
+
+FIRST_RAY_INDEX = CUP_INDEX + NUM_CUP_FEATURES
+"""Index of the first number of the bounce rays in an observation."""
 
 
-class Leg(NamedTuple):
-    """A straight part of putts' lines."""
+class PathSegment(NamedTuple):
+    """A straight segment of the lines of putts, up to a wall."""
 
     start: Array
-    """(N, D, 2) from the ball."""
-    way: Array
-    """(N, D, 2) unit vector."""
+    """Start of the segment, relative to the ball, shape (N, D, 2)."""
+    direction: Array
+    """Unit vector along the segment, shape (N, D, 2)."""
     length: Array
-    """(N, D) up to a wall."""
-    sure: NDArray[np.bool_]
-    """(N, D) whether the ray on the line's other side met the same walls up to there."""
-    alike: NDArray[np.bool_]
-    """(N, D) whether the next ray on its near side did."""
+    """Length up to the wall, shape (N, D)."""
+    is_exact: NDArray[np.bool_]
+    """True if the ray on the other side of the line hit the same walls up to this one, shape (N, D)."""
+    matches_neighbor: NDArray[np.bool_]
+    """True if the next ray on the near side of the line hit the same walls up to this one, shape (N, D)."""
     height: Array
-    """(N, D) of its end above the ball."""
-    top: Array
-    """(N, D) the greatest so far."""
+    """Height of the end above the ball, shape (N, D)."""
+    max_height: Array
+    """Greatest height so far above the ball, shape (N, D)."""
 
 
-def cup(observations: Array) -> Array:
-    """Return where the cup is, (N, 2), from the ball."""
-    straight = observations[:, STRAIGHT : STRAIGHT + 2]
-    return np.asarray(CUP_DISTANCE_SCALE * np.hypot(straight[:, 0], straight[:, 1])[:, None] * straight)
+def cup_position(observations: Array) -> Array:
+    """Return the position of the cup relative to the ball in the xy-plane, shape (N, 2)."""
+    scaled = observations[:, CUP_INDEX : CUP_INDEX + 2]
+    return np.asarray(CUP_DISTANCE_SCALE * np.hypot(scaled[:, 0], scaled[:, 1])[:, None] * scaled)
 
 
-def lines(echoes: Array, directions: Array) -> list[Leg]:
-    """Return the NUM_SEGMENTS legs of lines in directions (N, D), off the walls that bounce rays met.
+def trace_lines(bounce_rays: Array, directions: Array) -> list[PathSegment]:
+    """Return the NUM_SEGMENTS segments of lines in given directions, reflected off the walls that the bounce rays hit.
 
-    The rays have the shape (N, R, NUM_SEGMENTS, FEATURES_PER_SEGMENT).
-
-    A line is followed off the walls of the ray beside it: where it meets the same ones it is exact.
-    """
-    turns = directions * (echoes.shape[1] / (2.0 * math.pi))
-    beside = np.rint(turns).astype(np.int64)
-    side = np.where(turns >= beside, 1, -1)
-    rows = np.arange(len(echoes))[:, None]
-    near, over, back = (echoes[rows, (beside + step) % echoes.shape[1]] for step in (0, side, -side))
-    way = np.stack([np.cos(directions), np.sin(directions)], axis=-1)
-    start, sure, alike, legs = (
-        np.zeros_like(way),
-        np.ones(way.shape[:2], np.bool_),
-        np.ones(way.shape[:2], np.bool_),
-        [],
-    )
-    for ray, *others in zip(*(np.moveaxis(rays, 2, 0) for rays in (near, over, back)), strict=True):
-        end, wall = ray[..., :2], ray[..., 2:4]
-        towards = (way * wall).sum(-1)
-        meets = towards < -1e-3
-        length = ((end - start) * wall).sum(-1) / np.where(meets, towards, np.float32(-1.0))
-        meets &= (length >= 0.0) & (length < FURTHEST)
-        length = np.where(meets, length, np.hypot(*np.moveaxis(end - start, -1, 0)))
-        same = [
-            ((other[..., 2:4] * wall).sum(-1) > PARALLEL) & (np.abs(((other[..., :2] - end) * wall).sum(-1)) < LEVEL)
-            for other in others
-        ]
-        sure, alike = sure & meets & same[0], alike & meets & same[1]
-        legs.append(Leg(start, way, length, sure, alike, ray[..., 4], ray[..., 5]))
-        start = start + length[..., None] * way
-        way = way - 2.0 * np.where(meets, towards, np.float32(0.0))[..., None] * wall
-    return legs
-
-
-def foresee(observations: NDArray[Any], directions: NDArray[Any], rolls: NDArray[Any]) -> Array:
-    """Return the sights (N, D, S, NUMBERS), of about [-1, 1], of putts.
+    A line is followed off the walls of the nearest ray. It is exact as long as the ray on its other side hit the same
+    walls.
 
     Args:
-        observations: "bounce_rays", (N, 2320).
-        directions: (N, D).
-        rolls: (N, D, S).
+        bounce_rays: segments of the bounce rays, shape (N, R, NUM_SEGMENTS, FEATURES_PER_SEGMENT).
+        directions: directions of the lines, radians, shape (N, D).
     """
-    seen, directions = np.asarray(observations, dtype=np.float32), np.asarray(directions, dtype=np.float32)
-    roll = np.asarray(rolls, dtype=np.float32)
-    echoes = seen[:, ECHOED:].reshape(len(seen), NUM_BOUNCE_RAYS, NUM_SEGMENTS, FEATURES_PER_SEGMENT) * UNITS
-    legs, height = lines(echoes, directions), np.zeros(directions.shape, np.float32)
-    first, goal = legs[0].way, cup(seen)[:, None]
-    away = np.hypot(goal[..., 0], goal[..., 1])
-    short = _rests(legs, roll) - goal[:, :, None]
-    lined = _surroundings(seen, first)
-    rolled = [np.sqrt(roll / TOP_ROLL), roll / TOP_ROLL, *_scales(roll - away[..., None], 1.0, 6.0, 36.0)]
-    for leg in legs:
-        miss, until = _passes(leg, goal)
-        lined += [*_scales(miss, 0.05, 0.3, 2.0), leg.length / 4.0, until / 4.0]
-        lined += [leg.sure, leg.alike, (leg.way * first).sum(-1), _cross(first, leg.way)]
-        lined += [*_scales(leg.height - height, 0.1), *_scales(leg.top - height, 0.1)]
-        there = roll - until[..., None]
-        # Whether it drops, as one number: over the cup, and not too fast.
-        slow = np.where(there > 0.0, np.exp(-np.maximum(there, 0.0) / 3.0), 0.0)
-        rolled += [*_scales(there, 1.0, 8.0), np.exp(-np.square(miss / 0.04))[..., None] * slow]
-        roll = (roll - (leg.length + (leg.height - height) / ROLLING)[..., None]) * SHARE
-        height = leg.height
-    rolled += _scales(np.hypot(short[..., 0], short[..., 1]), 4.0, 0.5)
-    sights = np.empty((*roll.shape, len(lined) + len(rolled)), np.float32)
-    for k, numbers in enumerate([*(number[..., None] for number in lined), *rolled]):
-        sights[..., k] = numbers
-    return sights
+    # Choose the nearest ray, the one on the other side of the line, and the next one on the near side.
+    num_rays = bounce_rays.shape[1]
+    ray_angles = directions * (num_rays / (2.0 * math.pi))
+    nearest = np.rint(ray_angles).astype(np.int64)
+    side = np.where(ray_angles >= nearest, 1, -1)
+    rows = np.arange(len(bounce_rays))[:, None]
+    chosen = [bounce_rays[rows, (nearest + step) % num_rays] for step in (0, side, -side)]
+    # Follow the line from wall to wall.
+    direction = np.stack([np.cos(directions), np.sin(directions)], axis=-1)
+    start = np.zeros_like(direction)
+    is_exact = np.ones(directions.shape, np.bool_)
+    matches_neighbor = np.ones(directions.shape, np.bool_)
+    segments = []
+    for ray, across, neighbor in zip(*(np.moveaxis(rays, 2, 0) for rays in chosen), strict=True):
+        end, normal = ray[..., :2], ray[..., 2:4]
+        # Find where the line hits the ray's wall. A line without a wall is as long as the ray.
+        approach = (direction * normal).sum(-1)
+        hits = approach < -1e-3
+        length = ((end - start) * normal).sum(-1) / np.where(hits, approach, np.float32(-1.0))
+        hits &= (length >= 0.0) & (length < MAX_SEGMENT_LENGTH)
+        length = np.where(hits, length, np.hypot(*np.moveaxis(end - start, -1, 0)))
+        is_exact = is_exact & hits & _is_same_wall(across, end, normal)
+        matches_neighbor = matches_neighbor & hits & _is_same_wall(neighbor, end, normal)
+        segments.append(PathSegment(start, direction, length, is_exact, matches_neighbor, ray[..., 4], ray[..., 5]))
+        # Reflect the line off the wall.
+        start = start + length[..., None] * direction
+        direction = direction - 2.0 * np.where(hits, approach, np.float32(0.0))[..., None] * normal
+    return segments
 
 
-def _surroundings(seen: Array, ahead: Array) -> list[NDArray[Any]]:
-    """Return numbers (N, D) of what balls (N, 2320) see that is no wall, along unit vectors (N, D, 2) and left."""
-    goal = cup(seen)[:, None]
-
-    def same(number: int) -> Array:
-        return np.broadcast_to(seen[:, number, None], ahead.shape[:2])
-
-    def turned(way: Array) -> list[Array]:
-        return [(ahead * way).sum(-1), _cross(ahead, way)]
-
-    until, left = turned(goal)
-    # The tee is in the middle of a level's bounds: what is ahead, where the cup is out of sight, is away from it. And a
-    # ball that has taken many strokes lies where putts are not what they seem.
-    place = 2.5 * seen[:, None, :2]
-    known = [*turned(seen[:, None, SLOPE : SLOPE + 2]), same(DEPTH), same(HEIGHT), *turned(place), same(STROKES)]
-    return [*known, np.hypot(until, left) / 4.0, until / 4.0, *_scales(left, 0.05, 0.2, 1.0, 4.0)]
+def _is_same_wall(ray: Array, end: Array, normal: Array) -> NDArray[np.bool_]:
+    """Return where segments of rays (N, D, 6) end at the wall through a point and with a normal, both (N, D, 2)."""
+    is_parallel = (ray[..., 2:4] * normal).sum(-1) > PARALLEL_COSINE
+    return np.asarray(is_parallel & (np.abs(((ray[..., :2] - end) * normal).sum(-1)) < SAME_WALL_DISTANCE))
 
 
-def _passes(leg: Leg, goal: Array) -> tuple[Array, Array]:
-    """Return by how much legs miss the cup (N, D), which is positive on the left, and how far along they are there."""
-    to_cup = goal - leg.start
-    # A wall that is not sure is looked past: the cup may be behind.
-    until = np.clip((to_cup * leg.way).sum(-1), 0.0, np.where(leg.sure, leg.length, ASTRAY))
-    missed = to_cup - until[..., None] * leg.way
-    return np.copysign(np.hypot(missed[..., 0], missed[..., 1]), _cross(leg.way, to_cup)), until
+def putt_features(observations: NDArray[Any], directions: NDArray[Any], roll_distances: NDArray[Any]) -> Array:
+    """Return the features of putts, of about [-1, 1], shape (N, D, S, NUM_FEATURES).
+
+    Args:
+        observations: observations of the kind "bounce_rays", shape (N, 2320).
+        directions: directions of the putts, radians, shape (N, D).
+        roll_distances: roll distances of the putts, m, shape (N, D, S).
+    """
+    # Trace the lines of the putts.
+    observations = np.asarray(observations, dtype=np.float32)
+    directions = np.asarray(directions, dtype=np.float32)
+    roll = np.asarray(roll_distances, dtype=np.float32)
+    ray_shape = (len(observations), NUM_BOUNCE_RAYS, NUM_SEGMENTS, FEATURES_PER_SEGMENT)
+    bounce_rays = observations[:, FIRST_RAY_INDEX:].reshape(ray_shape) * RAY_UNITS
+    segments = trace_lines(bounce_rays, directions)
+    cup = cup_position(observations)[:, None]
+    # Collect features by direction (N, D), and by direction and roll distance (N, D, S).
+    first_direction = segments[0].direction
+    by_direction = _surroundings(observations, first_direction)
+    cup_distance = np.hypot(cup[..., 0], cup[..., 1])
+    rest_to_cup = _resting_places(segments, roll) - cup[:, :, None]
+    by_roll = [np.sqrt(roll / MAX_ROLL), roll / MAX_ROLL, *_scales(roll - cup_distance[..., None], 1.0, 6.0, 36.0)]
+    height = np.zeros(directions.shape, np.float32)
+    for segment in segments:
+        miss, closest = _closest_to_cup(segment, cup)
+        by_direction += [*_scales(miss, 0.05, 0.3, 2.0), segment.length / 4.0, closest / 4.0]
+        by_direction += [segment.is_exact, segment.matches_neighbor]
+        by_direction += [(segment.direction * first_direction).sum(-1), _cross(first_direction, segment.direction)]
+        by_direction += [*_scales(segment.height - height, 0.1), *_scales(segment.max_height - height, 0.1)]
+        # Estimate as one number whether the ball drops: it passes over the cup, and not too fast.
+        roll_at_cup = roll - closest[..., None]
+        is_slow = np.where(roll_at_cup > 0.0, np.exp(-np.maximum(roll_at_cup, 0.0) / 3.0), 0.0)
+        by_roll += [*_scales(roll_at_cup, 1.0, 8.0), np.exp(-np.square(miss / 0.04))[..., None] * is_slow]
+        # Subtract the roll that the segment, its climb and the bounce at its end take.
+        roll = (roll - (segment.length + (segment.height - height) / ROLLING)[..., None]) * ROLL_KEPT_PER_BOUNCE
+        height = segment.height
+    by_roll += _scales(np.hypot(rest_to_cup[..., 0], rest_to_cup[..., 1]), 4.0, 0.5)
+    # Join the features.
+    features = np.empty((*roll.shape, len(by_direction) + len(by_roll)), np.float32)
+    for k, column in enumerate([*(column[..., None] for column in by_direction), *by_roll]):
+        features[..., k] = column
+    return features
 
 
-def _rests(legs: list[Leg], roll: Array) -> Array:
-    """Return where putts of rolls (N, D, S) come to rest, (N, D, S, 2), from the ball."""
-    rest, rolls_on = np.zeros((*roll.shape, 2), np.float32), np.ones(roll.shape, np.bool_)
-    for leg in legs:
-        length = leg.length[..., None]
-        gone = roll if leg is legs[-1] else np.minimum(roll, length)
-        rest = np.where(rolls_on[..., None], leg.start[:, :, None] + gone[..., None] * leg.way[:, :, None], rest)
-        rolls_on &= roll > length
-        roll = (roll - length) * SHARE
+def _surroundings(observations: Array, direction: Array) -> list[NDArray[Any]]:
+    """Return the features (N, D) that do not depend on walls, for putts along unit vectors (N, D, 2)."""
+    cup = cup_position(observations)[:, None]
+
+    def constant(index: int) -> Array:
+        return np.broadcast_to(observations[:, index, None], direction.shape[:2])
+
+    def components(vector: Array) -> list[Array]:
+        return [(direction * vector).sum(-1), _cross(direction, vector)]
+
+    cup_along, cup_left = components(cup)
+    # The tee is in the middle of a level's bounds: where the cup is hidden, the way ahead leads away from the tee.
+    position = 2.5 * observations[:, None, :2]
+    slope = observations[:, None, SLOPE_INDEX : SLOPE_INDEX + 2]
+    # After many strokes the ball is in a place where putts behave unexpectedly: the number of strokes left says so.
+    return [
+        *components(slope),
+        constant(GROUND_INDEX),
+        constant(CUP_HEIGHT_INDEX),
+        *components(position),
+        constant(STROKES_LEFT_INDEX),
+        np.hypot(cup_along, cup_left) / 4.0,
+        cup_along / 4.0,
+        *_scales(cup_left, 0.05, 0.2, 1.0, 4.0),
+    ]
+
+
+def _closest_to_cup(segment: PathSegment, cup: Array) -> tuple[Array, Array]:
+    """Return by how much segments miss the cup, positive if it is on the left, and how far along they are closest."""
+    to_cup = cup - segment.start
+    # A segment that is not exact is searched beyond its wall: the cup may be behind it.
+    longest = np.where(segment.is_exact, segment.length, UNCERTAIN_SEGMENT_RANGE)
+    closest = np.clip((to_cup * segment.direction).sum(-1), 0.0, longest)
+    offset = to_cup - closest[..., None] * segment.direction
+    return np.copysign(np.hypot(offset[..., 0], offset[..., 1]), _cross(segment.direction, to_cup)), closest
+
+
+def _resting_places(segments: list[PathSegment], roll: Array) -> Array:
+    """Return where putts with roll distances (N, D, S) come to rest, relative to the ball, shape (N, D, S, 2)."""
+    rest = np.zeros((*roll.shape, 2), np.float32)
+    is_rolling = np.ones(roll.shape, np.bool_)
+    for segment in segments:
+        length = segment.length[..., None]
+        rolled = roll if segment is segments[-1] else np.minimum(roll, length)
+        end = segment.start[:, :, None] + rolled[..., None] * segment.direction[:, :, None]
+        rest = np.where(is_rolling[..., None], end, rest)
+        is_rolling &= roll > length
+        roll = (roll - length) * ROLL_KEPT_PER_BOUNCE
     return rest
 
 
-class Effort(NamedTuple):
-    """How closely to look for the best putt."""
-
-    directions: int
-    """Of the first putts."""
-    rolls: int
-    """Of the first putts, in each direction, at least 2."""
-    rounds: int
-    """Refinements around the BEST putts so far, each four times closer."""
-
-
-QUICK, THOROUGH = Effort(24, 4, 2), Effort(48, 6, 2)
-"""To collect putts to learn from, and to play: 276 and 468 putts are judged."""
-
-BEST = 6
-
-ASIDE, FURTHER = np.array([-1.5, -0.5, 0.0, 0.5, 1.5]), np.array([-1.0, 0.0, 1.0])
-"""The directions and rolls of a refinement, in steps."""
-
-ROLLS = (0.5, 0.98 * TOP_ROLL)
-"""Least and largest roll of the first putts, m."""
-
-BLOCK = 32
-"""Balls looked at together: so few that their numbers stay in the cache."""
-
-SHORTEST = 0.2
-"""Least roll of any putt, m."""
-
-
-class Putts(NamedTuple):
-    """A putt for each of N balls."""
-
-    direction: NDArray[np.float64]
-    roll: NDArray[np.float64]
-    cost: Array
-    """What it was judged by."""
-
-    @property
-    def actions(self) -> Array:
-        """The actions (N, 2) of the environment."""
-        return actions(self.direction, self.roll)
-
-
-def best(
-    observations: NDArray[Any],
-    cost: Callable[[Array], Array],
-    effort: Effort = THOROUGH,
-    rng: np.random.Generator | None = None,
-) -> Putts:
-    """Return the putts of the least cost: of a grid, then of ever finer grids around the best of all so far.
-
-    Args:
-        observations: "bounce_rays", (N, 2320), N >= 1.
-        cost: of sights (..., NUMBERS), returned as (...).
-        effort: how closely to look.
-        rng: draws the first putts; None: they are a regular grid, which has the direction of the cup.
-    """
-    seen = np.asarray(observations, dtype=np.float32)
-    few = [_best(seen[i : i + BLOCK], cost, effort, rng) for i in range(0, len(seen), BLOCK)]
-    return Putts(*(np.concatenate(arrays) for arrays in zip(*few, strict=True)))
-
-
-def _best(seen: Array, cost: Callable[[Array], Array], effort: Effort, rng: np.random.Generator | None) -> Putts:
-    many, speeds, rounds = effort
-    n, low, high = len(seen), math.log(ROLLS[0]), math.log(ROLLS[1])
-    steps = np.array([2.0 * math.pi / many, (high - low) / (speeds - 1)])
-    goal = cup(seen)
-    direction = np.arctan2(goal[:, 1], goal[:, 0])[:, None] + steps[0] * np.arange(many)
-    log_roll = np.tile(np.linspace(low, high, speeds), (n, many, 1))
-    if rng is not None:
-        direction = direction + steps[0] * rng.uniform(-0.5, 0.5, direction.shape)
-        log_roll = rng.uniform(low, high, log_roll.shape)
-    rows, tried = np.arange(n)[:, None], []
-    for finer in range(rounds + 1):
-        costs = cost(foresee(seen, direction, np.exp(log_roll)))
-        found = np.broadcast_to(direction[..., None], log_roll.shape), log_roll, costs
-        tried.append([array.reshape(n, -1) for array in found])
-        directions, log_rolls, all_costs = (np.concatenate(arrays, axis=1) for arrays in zip(*tried, strict=True))
-        order = np.argsort(all_costs, axis=1, kind="stable")[:, :BEST]
-        if finer < rounds:
-            steps = steps / 4.0
-            direction = (directions[rows, order][..., None] + steps[0] * ASIDE).reshape(n, -1)
-            log_roll = np.repeat(log_rolls[rows, order], len(ASIDE), axis=1)[..., None] + steps[1] * FURTHER
-            log_roll = np.clip(log_roll, math.log(SHORTEST), high)
-    first = rows[:, 0], order[:, 0]
-    return Putts(directions[first], np.exp(log_rolls[first]), all_costs[first])
-
-
-def actions(directions: NDArray[Any], rolls: NDArray[Any]) -> Array:
-    """Return actions (..., 2) of putts (...)."""
-    share = np.sqrt(np.minimum(rolls / TOP_ROLL, 1.0))
-    return np.stack([share * np.cos(directions), share * np.sin(directions)], axis=-1).astype(np.float32)
+def putt_actions(directions: NDArray[Any], roll_distances: NDArray[Any]) -> Array:
+    """Return the actions (..., 2) of putts with directions and roll distances (...)."""
+    speed_share = np.sqrt(np.minimum(roll_distances / MAX_ROLL, 1.0))
+    return np.stack([speed_share * np.cos(directions), speed_share * np.sin(directions)], axis=-1).astype(np.float32)
 
 
 def _cross(a: Array, b: Array) -> Array:
@@ -298,5 +268,5 @@ def _cross(a: Array, b: Array) -> Array:
 
 
 def _scales(lengths: Array, *scales: float) -> list[Array]:
-    """Return lengths in several scales, each clipped to [-1, 1]: sharp near 0, and yet seen from afar."""
+    """Return lengths at several scales, each clipped to [-1, 1]: precise near 0, and still informative far away."""
     return [np.clip(lengths / scale, -1.0, 1.0) for scale in scales]

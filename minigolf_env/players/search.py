@@ -1,7 +1,7 @@
-"""Search: the putt that a perfect player would choose, by trying many from where the ball lies.
+"""Search for the best putt by simulating many putts from the ball's position.
 
-Without noise it looks for a hole-in-one, and where it finds none for two putts that hole out. With noise it looks for
-the putt with the best expected score.
+Without noise, search looks for a hole-in-one, and if there is none for two putts that hole out. With noise it looks for
+the putt with the fewest expected strokes.
 """
 
 from __future__ import annotations
@@ -22,182 +22,204 @@ from minigolf_env.envs.task import MIN_STROKES_TO_FINISH, STROKES_PER_METRE, Flo
 IntArray = NDArray[np.int64]
 
 
-class Effort(NamedTuple):
-    """How closely to look."""
+class SearchBudget(NamedTuple):
+    """Resolution of a search."""
 
     directions: int
-    """Of the first putts, at least 1."""
+    """Number of directions in the first grid, at least 1."""
     speeds: int
-    """Shares of the top speed that they have, at least 1."""
-    rounds: int
-    """Refinements, at least 0; each looks three times closer than the one before."""
+    """Number of speeds in the first grid, up to the top speed, at least 1."""
+    refinements: int
+    """Number of refinements of the grid, at least 0; each has a three times finer grid."""
 
 
-QUICK, THOROUGH = Effort(48, 8, 1), Effort(120, 32, 4)
-"""A hole-in-one is found by the quick one in most places; the thorough one ends at 0.04 degrees and 0.04 % of speed."""
+QUICK_SEARCH = SearchBudget(48, 8, 1)
+"""Finds a hole-in-one from most places."""
 
-BEST = 40
-"""Putts that a refinement starts from."""
+THOROUGH_SEARCH = SearchBudget(120, 32, 4)
+"""Ends with steps of 0.04 degrees and 0.04 % of the top speed."""
 
-PLACES, PLACES_APART = 16, 0.25
-"""Resting places of the first putt that a second one is looked for from, and how far apart they are at least, m."""
+NUM_PUTTS_TO_REFINE = 40
+"""Number of putts that a refinement starts from."""
 
-CANDIDATES, PUTTS_APART = 96, 0.02
-"""Putts whose expected score is compared at first, and how far apart they are at least, shares of the top speed."""
+MAX_SECOND_PUTT_STARTS = 16
+"""Largest number of resting places of the first putt from which second putts are searched."""
 
-STAGES = ((16, 6), (32, 3), (64, 1))
-"""With so many draws of noise, so many putts are chosen; around each the next stage looks closer."""
+MIN_START_SPACING = 0.25
+"""Least distance between those resting places, m."""
+
+MAX_NOISE_CANDIDATES = 96
+"""Largest number of putts whose expected strokes under noise are compared at first."""
+
+MIN_CANDIDATE_SPACING = 0.02
+"""Least distance between those putts, as vectors, in shares of the top speed."""
+
+NOISE_STAGES = ((16, 6), (32, 3), (64, 1))
+"""Number of noise samples, and number of putts kept, in each stage; the next stage adds the neighbors of those kept."""
 
 
 class Plan(NamedTuple):
-    """What search found."""
+    """The result of a search."""
 
     action: NDArray[np.float32]
-    """(2,) the putt to play."""
+    """The putt to play, shape (2,)."""
     holed: bool
-    """Whether it holes out, without noise."""
+    """True if the putt holes out without noise."""
     distance: float
-    """How far from the cup, along the course, it leaves the ball without noise, m; 0 when holed."""
+    """Distance along the course from the cup to where the putt leaves the ball without noise, m; 0 if it holes out."""
     strokes: float
-    """Strokes to hole out, this one included: 1 and 2 were found, other numbers are expected, with a guess in them."""
-    tried: int
-    """Putts simulated."""
+    """Number of strokes to hole out, including this one: 1 and 2 were found, other numbers are estimates."""
+    num_simulated: int
+    """Number of putts that were simulated."""
 
 
 def search(
     env: gym.Env[Any, Any],
-    efforts: Sequence[Effort] = (QUICK, THOROUGH),
+    budgets: Sequence[SearchBudget] = (QUICK_SEARCH, THOROUGH_SEARCH),
     *,
     look_ahead: bool = True,
     noise: tuple[float, float] | None = None,
 ) -> Plan:
-    """Return the best putt found from the environment's present state, which stays as it is; deterministic.
+    """Return the best putt found from the environment's current state. The state does not change.
 
-    A grid over direction and speed, then ever finer grids around the putts that ended closest to the cup. Where one
-    holes out and there is noise, putts are compared by their expected score under it. Where none does, second putts are
-    tried from resting places of the first, without noise.
+    Search simulates a grid over direction and speed, then finer grids around the putts that ended closest to the cup.
+    If a putt holes out and there is noise, putts are compared by their expected strokes under the noise. If none holes
+    out, second putts are simulated from resting places of the first, without noise. The result is deterministic.
 
     Args:
-        env: a MiniGolfEnv, wrapped or not: where the ball lies.
-        efforts: tried one after the other until one finds a hole-in-one.
-        look_ahead: whether to look for a second putt where there is no hole-in-one; otherwise the plan is the putt that
-            comes closest along the course.
+        env: a MiniGolfEnv, wrapped or not.
+        budgets: resolutions, tried in order until one finds a hole-in-one.
+        look_ahead: search for a second putt if there is no hole-in-one. If False, the plan is then the putt that ends
+            closest to the cup along the course.
         noise: standard deviations of direction (degrees) and speed (share of it) to plan for; None: the environment's
-            ``putt_noise``. The same fixed draws disturb every putt, never the environment's.
+            ``putt_noise``. The same fixed noise samples are used for every putt, never the environment's.
 
     Raises:
-        ValueError: an effort without directions or speeds, or with rounds below 0; no efforts; a negative noise.
+        ValueError: a budget without directions or speeds, or with refinements below 0; no budgets; a negative noise.
         ResetNeeded: the environment was not reset.
     """
-    for effort in efforts:
-        if effort.directions < 1 or effort.speeds < 1 or effort.rounds < 0:
-            raise ValueError(f"efforts: expected directions and speeds >= 1 and rounds >= 0, received {effort}.")
-    if not efforts:
-        raise ValueError("efforts: expected at least one, received none.")
+    for budget in budgets:
+        if budget.directions < 1 or budget.speeds < 1 or budget.refinements < 0:
+            raise ValueError(f"budgets: expected directions and speeds >= 1 and refinements >= 0, received {budget}.")
+    if not budgets:
+        raise ValueError("budgets: expected at least one, received none.")
     golf = cast(MiniGolfEnv, env.unwrapped)
     task = golf.task if noise is None else replace(golf.task, putt_noise=check_noise(noise))
     start = np.array(golf.get_state()["position"])[None]
-    tried = 0
-    for effort in efforts:
-        putts = _try(task, start, effort)
-        tried += len(putts.left)
-        if (putts.left <= 0.0).any():
+    num_simulated = 0
+    # Search for a hole-in-one.
+    for budget in budgets:
+        putts = _grid_search(task, start, budget)
+        num_simulated += len(putts.distance)
+        if (putts.distance <= 0.0).any():
             break
     else:
         if look_ahead:
-            best, strokes, more = _look_ahead(task, putts, efforts[0])
-            return _plan(putts, best, strokes, tried + more)
+            best, strokes, num_second = _two_putt_search(task, putts, budgets[0])
+            return _plan(putts, best, strokes, num_simulated + num_second)
+    # Choose the putt with the fewest expected strokes.
     if any(task.putt_noise):
-        return _steady(task, start, putts, tried)
-    best = int(np.argmin(putts.left))
-    return _plan(putts, best, float(_strokes_left(putts.left)[best]) + 1.0, tried)
+        return _plan_under_noise(task, start, putts, num_simulated)
+    best = int(np.argmin(putts.distance))
+    return _plan(putts, best, float(_expected_strokes_left(putts.distance)[best]) + 1.0, num_simulated)
 
 
-class _Putts(NamedTuple):
-    """Putts that were tried."""
+class _SimulatedPutts(NamedTuple):
+    """Putts and where they end."""
 
     start: IntArray
-    """(N,) the row of the place they start from."""
+    """Row of the position that a putt starts from, shape (N,)."""
     polar: FloatArray
-    """(N, 2) direction, radians, and share of the top speed."""
-    rest: FloatArray
-    """(N, 3) where they leave the ball, m."""
-    left: FloatArray
-    """(N,) how far that is from the cup along the course, m; 0 when holed."""
+    """Direction, radians, and share of the top speed, shape (N, 2)."""
+    end: FloatArray
+    """Position where a putt leaves the ball, m, shape (N, 3)."""
+    distance: FloatArray
+    """Distance along the course from that position to the cup, m; 0 if the putt holes out; shape (N,)."""
 
 
-def _plan(putts: _Putts, best: int, strokes: float, tried: int) -> Plan:
-    left = float(putts.left[best])
-    return Plan(_actions(putts.polar[best]), left <= 0.0, left, strokes, tried)
+def _plan(putts: _SimulatedPutts, best: int, strokes: float, num_simulated: int) -> Plan:
+    distance = float(putts.distance[best])
+    return Plan(_actions(putts.polar[best]), distance <= 0.0, distance, strokes, num_simulated)
 
 
-def _try(task: Task, places: FloatArray, effort: Effort) -> _Putts:
-    """Try putts from places (S, 3), m: a grid from each, then finer ones around the closest, until one holes out."""
-    step = np.array([2.0 * np.pi / effort.directions, 1.0 / effort.speeds])
-    grid = _grid(np.arange(effort.directions) * step[0], np.arange(1, effort.speeds + 1) * step[1])
-    putts = _play(task, places, np.repeat(np.arange(len(places)), len(grid)), np.tile(grid, (len(places), 1)))
-    for _ in range(effort.rounds):
-        if (putts.left <= 0.0).any():
+def _grid_search(task: Task, starts: FloatArray, budget: SearchBudget) -> _SimulatedPutts:
+    """Simulate a grid of putts from each of the positions (S, 3), m, then refine it until a putt holes out."""
+    step = np.array([2.0 * np.pi / budget.directions, 1.0 / budget.speeds])
+    grid = _grid(np.arange(budget.directions) * step[0], np.arange(1, budget.speeds + 1) * step[1])
+    start = np.repeat(np.arange(len(starts)), len(grid))
+    putts = _simulate(task, starts, start, np.tile(grid, (len(starts), 1)))
+    for _ in range(budget.refinements):
+        if (putts.distance <= 0.0).any():
             break
+        # Simulate a finer grid around the putts that ended closest to the cup.
         step = step / 3.0
-        closest = np.argsort(putts.left, kind="stable")[:BEST]
-        finer = _around(putts.polar[closest], step)
-        more = _play(task, places, np.repeat(putts.start[closest], len(AROUND)), finer)
-        putts = _Putts(*(np.concatenate(pair) for pair in zip(putts, more, strict=True)))
+        closest = np.argsort(putts.distance, kind="stable")[:NUM_PUTTS_TO_REFINE]
+        neighbors = _neighbors(putts.polar[closest], step)
+        refined = _simulate(task, starts, np.repeat(putts.start[closest], len(NEIGHBOR_OFFSETS)), neighbors)
+        putts = _SimulatedPutts(*(np.concatenate(pair) for pair in zip(putts, refined, strict=True)))
     return putts
 
 
-def _play(task: Task, places: FloatArray, start: IntArray, polar: FloatArray) -> _Putts:
-    """Play putts (N, 2), rounded to float32 as actions are, from the rows ``start`` (N,) of places (S, 3)."""
-    outcome = task.simulate(places[start], task.launch_velocity(_actions(polar).astype(np.float64)))
-    left = np.where(outcome.holed, 0.0, task.distance_to_cup(outcome.position))
-    return _Putts(start, polar, outcome.position, left)
+def _simulate(task: Task, starts: FloatArray, start: IntArray, polar: FloatArray) -> _SimulatedPutts:
+    """Simulate putts (N, 2), rounded to float32 as actions are, from the rows ``start`` (N,) of positions (S, 3)."""
+    outcome = task.simulate(starts[start], task.launch_velocity(_actions(polar).astype(np.float64)))
+    distance = np.where(outcome.holed, 0.0, task.distance_to_cup(outcome.position))
+    return _SimulatedPutts(start, polar, outcome.position, distance)
 
 
-def _look_ahead(task: Task, putts: _Putts, effort: Effort) -> tuple[int, float, int]:
-    """Return which putt to play so that the next one holes out, or comes closest; the strokes; the putts simulated.
+def _two_putt_search(task: Task, putts: _SimulatedPutts, budget: SearchBudget) -> tuple[int, float, int]:
+    """Find the first putt whose second putt holes out, or else ends closest to the cup.
 
-    Of several places that can be holed out from, it is the one where most putts of a grid do.
+    Of several first putts whose second putt holes out, it is the one for which most second putts of a grid do.
+
+    Returns:
+        The row of the first putt, the number of strokes, and the number of putts simulated.
     """
-    firsts = _apart(putts.rest, np.argsort(putts.left, kind="stable"), PLACES, PLACES_APART)
-    seconds = _try(task, putts.rest[firsts], effort)
-    holes = np.bincount(seconds.start[seconds.left <= 0.0], minlength=len(firsts))
-    closest = int(np.argmin(seconds.left))
-    best = int(np.argmax(holes)) if holes.any() else int(seconds.start[closest])
-    strokes = 2.0 + float(_strokes_left(seconds.left)[closest])
-    return int(firsts[best]), strokes, len(seconds.left)
+    # Choose resting places that are close to the cup and apart from each other.
+    order = np.argsort(putts.distance, kind="stable")
+    firsts = _spread_out(putts.end, order, MAX_SECOND_PUTT_STARTS, MIN_START_SPACING)
+    # Search for second putts from them.
+    seconds = _grid_search(task, putts.end[firsts], budget)
+    num_holed = np.bincount(seconds.start[seconds.distance <= 0.0], minlength=len(firsts))
+    closest = int(np.argmin(seconds.distance))
+    best = int(np.argmax(num_holed)) if num_holed.any() else int(seconds.start[closest])
+    strokes = 2.0 + float(_expected_strokes_left(seconds.distance)[closest])
+    return int(firsts[best]), strokes, len(seconds.distance)
 
 
-def _steady(task: Task, start: FloatArray, putts: _Putts, tried: int) -> Plan:
-    """Return the plan with the best expected score under the task's noise."""
-    chosen = _apart(
-        _actions(putts.polar).astype(np.float64), np.argsort(putts.left, kind="stable"), CANDIDATES, PUTTS_APART
-    )
-    polar, step = putts.polar[chosen], np.array([math.radians(task.putt_noise[0]), task.putt_noise[1]])
-    for draws, keep in STAGES:
-        expected = _expected(task, start, polar, DRAWS[:draws])
-        tried += expected.size * draws
-        order = np.argsort(expected, kind="stable")[:keep]
-        polar, strokes = polar[order], float(expected[order[0]])
-        if keep > 1:
-            polar = np.concatenate([polar, _around(polar, step)])
+def _plan_under_noise(task: Task, start: FloatArray, putts: _SimulatedPutts, num_simulated: int) -> Plan:
+    """Return the plan with the fewest expected strokes under the task's noise."""
+    # Choose candidates that end close to the cup and differ from each other.
+    vectors = _actions(putts.polar).astype(np.float64)
+    order = np.argsort(putts.distance, kind="stable")
+    polar = putts.polar[_spread_out(vectors, order, MAX_NOISE_CANDIDATES, MIN_CANDIDATE_SPACING)]
+    # Keep ever fewer of them by ever more samples, and add neighbors of those that are kept.
+    step = np.array([math.radians(task.putt_noise[0]), task.putt_noise[1]])
+    for num_samples, num_kept in NOISE_STAGES:
+        expected = _expected_strokes(task, start, polar, NOISE_SAMPLES[:num_samples])
+        num_simulated += expected.size * num_samples
+        kept = np.argsort(expected, kind="stable")[:num_kept]
+        polar = polar[kept]
+        strokes = float(expected[kept[0]])
+        if num_kept > 1:
+            polar = np.concatenate([polar, _neighbors(polar, step)])
             step = step / 2.0
-    best = _play(task, start, np.zeros(1, np.int64), polar)
-    return _plan(best, 0, strokes, tried)
+    best = _simulate(task, start, np.zeros(1, np.int64), polar)
+    return _plan(best, 0, strokes, num_simulated)
 
 
-def _expected(task: Task, start: FloatArray, polar: FloatArray, draws: FloatArray) -> FloatArray:
-    """Return the expected scores (N,) of putts (N, 2), each disturbed by the same draws (K, 2)."""
-    actions = np.repeat(_actions(polar).astype(np.float64), len(draws), axis=0)
-    velocities = task.launch_velocity(actions, np.tile(draws, (len(polar), 1)))
+def _expected_strokes(task: Task, start: FloatArray, polar: FloatArray, samples: FloatArray) -> FloatArray:
+    """Return the expected strokes (N,) of putts (N, 2), each disturbed by the same noise samples (K, 2)."""
+    actions = np.repeat(_actions(polar).astype(np.float64), len(samples), axis=0)
+    velocities = task.launch_velocity(actions, np.tile(samples, (len(polar), 1)))
     outcome = task.simulate(np.repeat(start, len(actions), axis=0), velocities)
-    left = np.where(outcome.holed, 0.0, task.distance_to_cup(outcome.position))
-    return np.asarray(1.0 + _strokes_left(left).reshape(len(polar), -1).mean(axis=1))
+    distance = np.where(outcome.holed, 0.0, task.distance_to_cup(outcome.position))
+    return np.asarray(1.0 + _expected_strokes_left(distance).reshape(len(polar), -1).mean(axis=1))
 
 
-def _strokes_left(left: FloatArray) -> FloatArray:
-    """Return the strokes that it takes from distances along the course, m, as shaping guesses them; none from 0."""
-    return np.where(left <= 0.0, 0.0, MIN_STROKES_TO_FINISH + STROKES_PER_METRE * left)
+def _expected_strokes_left(distance: FloatArray) -> FloatArray:
+    """Return the strokes left from distances along the course, m, as reward shaping estimates them; 0 for 0."""
+    return np.where(distance <= 0.0, 0.0, MIN_STROKES_TO_FINISH + STROKES_PER_METRE * distance)
 
 
 def _grid(directions: FloatArray, speeds: FloatArray) -> FloatArray:
@@ -205,38 +227,38 @@ def _grid(directions: FloatArray, speeds: FloatArray) -> FloatArray:
     return np.stack(np.meshgrid(directions, speeds, indexing="ij"), axis=-1).reshape(-1, 2)
 
 
-AROUND = np.delete(_grid(np.array([-1.0, 0.0, 1.0]), np.array([-1.0, 0.0, 1.0])), 4, axis=0)
-"""The neighbours of a putt, in steps; without the middle, which is known."""
+NEIGHBOR_OFFSETS = np.delete(_grid(np.array([-1.0, 0.0, 1.0]), np.array([-1.0, 0.0, 1.0])), 4, axis=0)
+"""Offsets of the eight neighbors of a putt in a grid, in steps."""
 
 
-def _around(polar: FloatArray, step: FloatArray) -> FloatArray:
-    """Return the neighbours (8 N, 2) of putts (N, 2) on a grid of such steps (2,)."""
-    finer = (polar[:, None] + AROUND * step).reshape(-1, 2)
-    finer[:, 1] = np.clip(finer[:, 1], 0.0, 1.0)
-    return finer
+def _neighbors(polar: FloatArray, step: FloatArray) -> FloatArray:
+    """Return the neighbors (8 N, 2) of putts (N, 2) in a grid with steps (2,)."""
+    neighbors = (polar[:, None] + NEIGHBOR_OFFSETS * step).reshape(-1, 2)
+    neighbors[:, 1] = np.clip(neighbors[:, 1], 0.0, 1.0)
+    return neighbors
 
 
-def _apart(points: FloatArray, order: IntArray, count: int, gap: float) -> IntArray:
-    """Return the first ``count`` rows of ``order`` whose points (N, D) are at least ``gap`` from those before."""
+def _spread_out(points: FloatArray, order: IntArray, max_count: int, min_distance: float) -> IntArray:
+    """Return the first rows of ``order`` whose points (N, D) are at least a distance apart from those before."""
     chosen: list[int] = []
-    while len(order) and len(chosen) < count:
+    while len(order) and len(chosen) < max_count:
         chosen.append(int(order[0]))
-        order = order[np.linalg.norm(points[order] - points[order[0]], axis=1) >= gap]
+        order = order[np.linalg.norm(points[order] - points[order[0]], axis=1) >= min_distance]
     return np.array(chosen)
 
 
 def _actions(polar: FloatArray) -> NDArray[np.float32]:
-    """Return putt vectors (..., 2) of directions (radians) and speeds (share of the top speed)."""
+    """Return the actions (..., 2) of putts with directions (radians) and speeds (share of the top speed)."""
     putts = polar[..., 1:] * np.stack([np.cos(polar[..., 0]), np.sin(polar[..., 0])], axis=-1)
     return np.asarray(putts, dtype=np.float32)
 
 
-def _draws(n: int) -> FloatArray:
-    """Return n pairs (n, 2) of standard normal numbers, spread evenly: M. Roberts' R2 sequence and Box-Muller."""
+def _noise_samples(n: int) -> FloatArray:
+    """Return n evenly spread pairs (n, 2) of standard normal numbers: M. Roberts' R2 sequence and Box-Muller."""
     plastic = 1.32471795724474602596
     u, v = ((0.5 + np.arange(1, n + 1)[:, None] / [plastic, plastic**2]) % 1.0).T
     return np.asarray(np.sqrt(-2.0 * np.log1p(-u)) * [np.cos(2.0 * np.pi * v), np.sin(2.0 * np.pi * v)]).T
 
 
-DRAWS = _draws(64)
-"""What disturbs every putt that is planned with noise."""
+NOISE_SAMPLES = _noise_samples(64)
+"""Noise that disturbs every putt that is planned under noise."""

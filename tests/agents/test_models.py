@@ -17,9 +17,11 @@ from agents import release_model as ship
 from agents import train_generalist, train_ppo
 from minigolf_env.evaluation.evaluate import evaluate
 from minigolf_env.players import policies
-from minigolf_env.players.network import Layer, Network
+from minigolf_env.players.mlp import MLP, Layer
+from minigolf_env.players.model_files import save_model
 from minigolf_env.players.policies import ModelPolicy, SB3Policy, load_policy
-from minigolf_env.players.putt_features import NUMBERS
+from minigolf_env.players.putt_features import NUM_FEATURES
+from minigolf_env.players.putt_value_model import PuttValueModel
 
 ENV = "minigolf_env:MiniGolf-v0"
 SMALL = {"n_steps": 8, "batch_size": 8}
@@ -46,9 +48,9 @@ def test_a_saved_model_plays_as_it_predicts(
         torch.nn.init.normal_(weights, std=0.5)
     model.save(tmp_path / "model.zip")
     policy = ModelPolicy(tmp_path / "model.zip")
-    policy.network.save(tmp_path / "model.npz")
+    save_model(policy.model, tmp_path / "model.npz")
     assert policy.observation == observation
-    observations = np.random.default_rng(0).uniform(-1, 1, (50, policy.network.inputs)).astype(np.float32)
+    observations = np.random.default_rng(0).uniform(-1, 1, (50, policy.model.mlp.num_inputs)).astype(np.float32)
     expected, _ = model.predict(observations, deterministic=True)
     putts = policy.act_batch(observations)
     assert np.abs(expected).max() > 0.9 and np.abs(putts - expected).max() < 1e-4
@@ -95,8 +97,8 @@ def test_a_generalist_ships(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     run, models = tmp_path / "run", tmp_path / "models"
     run.mkdir()
     monkeypatch.setattr(policies, "PRETRAINED_FOLDER", models)
-    weights = np.random.default_rng(0).normal(size=(NUMBERS, 2)).astype(np.float32)
-    Network((Layer(weights, np.zeros(2, np.float32)),), judges=True).save(run / "best.npz")
+    weights = np.random.default_rng(0).normal(size=(NUM_FEATURES, 2)).astype(np.float32)
+    save_model(PuttValueModel(MLP((Layer(weights, np.zeros(2, np.float32)),))), run / "best.npz")
     trained = train_generalist.Args(seed=7)
     (run / "args.json").write_text(json.dumps({**dataclasses.asdict(trained), "out": None, "resume": None}))
     ship.main(ship.Args(run, folder=models, episodes=2))

@@ -14,9 +14,10 @@ from stable_baselines3 import PPO
 
 from agents import runs, train_generalist, train_pixels, train_ppo, train_sac
 from minigolf_env.evaluation.evaluate import evaluate
-from minigolf_env.players.network import read_network
+from minigolf_env.players.model_files import load_model
 from minigolf_env.players.policies import ModelPolicy
-from minigolf_env.players.putt_features import NUMBERS
+from minigolf_env.players.putt_features import NUM_FEATURES
+from minigolf_env.players.putt_value_model import PuttValueModel
 
 TINY: dict[str, Any] = {
     "putts": 64,
@@ -68,7 +69,8 @@ def test_the_generalist_runs(tmp_path: Path) -> None:
         ("generalist", "medium"),
     ]
     policy = ModelPolicy(folder / "best.npz")
-    assert policy.observation == "bounce_rays" and policy.network.judges and policy.network.inputs == NUMBERS
+    assert policy.observation == "bounce_rays" and isinstance(policy.model, PuttValueModel)
+    assert policy.model.mlp.num_inputs == NUM_FEATURES
     score = evaluate(policy, "generalist", "procedural", difficulty="easy", episodes=2, quiet=True)
     assert dataclasses.replace(score, sha256=None) == dataclasses.replace(scores[1], sha256=None)
     with pytest.raises(SystemExit, match="of another"):
@@ -81,12 +83,12 @@ def test_the_generalist_goes_on(tmp_path: Path) -> None:
     train_generalist.main(args)
     again = train_generalist.Training(args, tmp_path / "a")
     assert again.putts == 96 and len(again.progress.history) == 3
-    stored = read_network(tmp_path / "a" / "checkpoint.npz")
+    stored = load_model(tmp_path / "a" / "checkpoint.npz")
     begun = train_generalist.Training(
         dataclasses.replace(args, seed=1, start=tmp_path / "a" / "checkpoint.npz"), tmp_path
     )
     for judge in (again.judge, begun.judge):
-        for layer, other in zip(judge.layers, stored.layers, strict=True):
+        for layer, other in zip(judge.mlp.layers, stored.mlp.layers, strict=True):
             assert all(np.array_equal(one, two) for one, two in zip(layer, other, strict=True))
 
 

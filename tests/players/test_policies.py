@@ -1,4 +1,4 @@
-"""Players behind one interface."""
+"""Policies: random, trained models, and loading by name."""
 
 from __future__ import annotations
 
@@ -9,13 +9,15 @@ import pytest
 
 from minigolf_env.envs import MiniGolfEnv, MiniGolfVectorEnv
 from minigolf_env.evaluation.rollout import run_episodes_batched
-from minigolf_env.players.network import Layer, Network
+from minigolf_env.players.model_files import save_model
 from minigolf_env.players.policies import ModelPolicy, RandomPolicy, load_policy
-from minigolf_env.players.putt_features import NUMBERS
+from minigolf_env.players.putt_features import NUM_FEATURES
+from minigolf_env.players.putt_value_model import PuttValueModel
+from tests.players.samples import random_mlp
 
 
-def test_random_putts_fill_the_disc_evenly() -> None:
-    """Uniform in the disc: the mean squared length is 1/2, no direction is preferred, and a seed repeats them."""
+def test_random_policy_is_uniform_in_disc_and_reproducible() -> None:
+    """The mean squared length is 1/2, no direction is preferred, and the same seed gives the same putts."""
     env = MiniGolfEnv()
     observation, _ = env.reset(seed=0)
     policy = RandomPolicy(seed=1)
@@ -27,34 +29,37 @@ def test_random_putts_fill_the_disc_evenly() -> None:
     assert np.array_equal(putts[0], RandomPolicy(seed=1).act(observation, env))
 
 
-def test_a_judge_of_other_numbers_is_refused(tmp_path: Path) -> None:
-    """It learned from another version's sights; and a judge plays by echoes, alone as in a batch."""
-    for inputs in (NUMBERS, NUMBERS + 1):
-        weights = np.random.default_rng(0).normal(size=(inputs, 2)).astype(np.float32)
-        Network((Layer(weights, np.zeros(2, np.float32)),), judges=True).save(tmp_path / f"{inputs}.npz")
-    with pytest.raises(ValueError, match=f"judge of {NUMBERS} numbers, received one of {NUMBERS + 1}"):
-        load_policy(tmp_path / f"{NUMBERS + 1}.npz")
-    policy = ModelPolicy(tmp_path / f"{NUMBERS}.npz")
+def test_rejects_value_model_with_wrong_number_of_features(tmp_path: Path) -> None:
+    """Such a model was trained on the features of another version."""
+    save_model(PuttValueModel(random_mlp(NUM_FEATURES + 1, 2)), tmp_path / "other.npz")
+    with pytest.raises(ValueError, match=f"value model of {NUM_FEATURES} features, received {NUM_FEATURES + 1}"):
+        load_policy(tmp_path / "other.npz")
+
+
+def test_value_model_plays_same_putts_alone_and_in_batch(tmp_path: Path) -> None:
+    """It needs bounce rays, and its putts are valid actions."""
+    save_model(PuttValueModel(random_mlp(NUM_FEATURES, 2)), tmp_path / "value.npz")
+    policy = ModelPolicy(tmp_path / "value.npz")
     assert policy.observation == "bounce_rays"
     env = MiniGolfEnv(observation="bounce_rays")
-    seen = np.array([env.reset(seed=seed)[0] for seed in range(3)])
-    putts = policy.act_batch(seen)
+    observations = np.array([env.reset(seed=seed)[0] for seed in range(3)])
+    putts = policy.act_batch(observations)
     assert np.abs(putts).max() <= 1.0
-    assert all(policy.act(row, env).tobytes() == putt.tobytes() for row, putt in zip(seen, putts, strict=True))
+    assert all(policy.act(row, env).tobytes() == putt.tobytes() for row, putt in zip(observations, putts, strict=True))
 
 
-def test_the_generalist_plays_levels_it_has_never_seen() -> None:
-    """Well below the strokes of two putts on each."""
+def test_pretrained_generalist_holes_out_on_unseen_levels() -> None:
+    """It takes well below two strokes on each level."""
     policy = load_policy("generalist")
     assert isinstance(policy, ModelPolicy)
     envs = MiniGolfVectorEnv(30, "procedural", difficulty="easy", observation="bounce_rays", tee="fixed", num_levels=1)
-    played = run_episodes_batched(envs, policy, None, {"level": list(range(2_000_000, 2_000_030))})
-    assert all(episode.holed for episode in played)
-    assert np.mean([episode.strokes for episode in played]) < 1.9
+    results = run_episodes_batched(envs, policy, None, {"level": list(range(2_000_000, 2_000_030))})
+    assert all(episode.holed for episode in results)
+    assert np.mean([episode.strokes for episode in results]) < 1.9
 
 
-def test_unknown_players_are_refused(tmp_path: Path) -> None:
-    """The error guesses the name, or says that the file is not there."""
+def test_rejects_unknown_policy_names(tmp_path: Path) -> None:
+    """The error suggests a name, or says that there is no such file."""
     with pytest.raises(ValueError, match="did you mean 'search'"):
         load_policy("serch")
     with pytest.raises(FileNotFoundError, match=r"\.zip"):

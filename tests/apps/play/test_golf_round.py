@@ -12,7 +12,9 @@ from minigolf_env.apps.play.stroke import HUMAN_NAME
 from minigolf_env.apps.play.throw_mode import ThrowMode
 from minigolf_env.courses import NINE, list_courses, load_course
 from minigolf_env.envs.observations import OBSERVATIONS
-from minigolf_env.players.network import Layer, Network
+from minigolf_env.players.mlp import MLP, Layer
+from minigolf_env.players.mlp_policy import MLPPolicy
+from minigolf_env.players.model_files import save_model
 from minigolf_env.players.policies import ModelPolicy, Policy, SearchPolicy
 
 SOFT_PUTT = Aim(0.1, 0.0)
@@ -120,8 +122,8 @@ def test_opponent_plays_the_hole_after_the_human(tmp_path: Path) -> None:
 def test_opponent_receives_the_observation_of_its_model(tmp_path: Path) -> None:
     """A model for the observation "rays" receives rays."""
     inputs = OBSERVATIONS["rays"].space().shape[0]
-    network = Network((Layer(np.zeros((inputs, 2), np.float32), np.array([0.1, 0.0], np.float32)),))
-    network.save(tmp_path / "rays.npz")
+    layer = Layer(np.zeros((inputs, 2), np.float32), np.array([0.1, 0.0], np.float32))
+    save_model(MLPPolicy(MLP((layer,))), tmp_path / "rays.npz")
     golf = new_round(tmp_path, ModelPolicy(tmp_path / "rays.npz"))
     golf.strike(golf.hint())
     assert golf.opponent_putt().tolist() == pytest.approx([0.1, 0.0])
