@@ -23,10 +23,10 @@ import numpy as np
 from benchmarks.report import print_table
 from minigolf_env.courses import load_course
 from minigolf_env.envs import MiniGolfVectorEnv
-from minigolf_env.rendering.camera import view
-from minigolf_env.rendering.offscreen import draw
-from minigolf_env.rendering.replay import flag_foot
-from minigolf_env.rendering.scene_state import Frame
+from minigolf_env.rendering.camera import make_camera
+from minigolf_env.rendering.gl.offscreen import draw
+from minigolf_env.rendering.replay import flag_position
+from minigolf_env.rendering.scene_state import SceneState
 
 SIZES = ((640, 480), (256, 256), (84, 84))
 PICTURES = 30
@@ -61,8 +61,8 @@ def ours(size: tuple[int, int], profile: str) -> Callable[[float], Any]:
 
     def picture(x: float) -> Any:
         ball = np.array([x, 0.6, course.ball_radius])
-        frame = Frame(ball, np.eye(3), flag_foot(course, ball))
-        return draw(course, view("follow", course, ball, size[0] / size[1]), frame, size, profile)
+        state = SceneState(ball, np.eye(3), flag_position(course, ball))
+        return draw(course, make_camera("follow", course, ball, size[0] / size[1]), state, size, profile)
 
     return picture
 

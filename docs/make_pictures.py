@@ -12,7 +12,7 @@ from minigolf_env.courses import load_course
 from minigolf_env.courses.procedural import DIFFICULTIES, level_name
 from minigolf_env.envs import MiniGolfEnv
 from minigolf_env.players.search import search
-from minigolf_env.rendering.offscreen import draw
+from minigolf_env.rendering.gl.offscreen import draw
 from minigolf_env.rendering.replay import Replay
 
 PICTURES = Path(__file__).parent / "pictures"
@@ -26,8 +26,8 @@ def hole_in_one(moment: float) -> Image.Image:
     start = np.array(env.get_state()["position"])
     path, times = env.task.simulate_path(start, env.task.launch_velocity(search(env).action.astype(np.float64)))
     film = Replay(env.task.course, path, times, "follow", SIZE[0] / SIZE[1])
-    camera, frame = film.at(moment)
-    return Image.fromarray(draw(env.task.course, camera, frame._replace(lines=(film.way(400),)), SIZE))
+    camera, state = film.view(moment)
+    return Image.fromarray(draw(env.task.course, camera, state._replace(lines=(film.path_line(400),)), SIZE))
 
 
 def levels(numbers: range, size: tuple[int, int] = (300, 225)) -> Image.Image:

@@ -20,10 +20,10 @@ if os.environ.get("CI"):
 @functools.cache
 def why_no_pictures() -> str | None:
     """Return why nothing can be drawn on this machine; None if it can."""
-    from minigolf_env.rendering.gl.context import HeadlessContext
+    from minigolf_env.rendering.gl.context import EGLContext
 
     try:
-        HeadlessContext()
+        EGLContext()
     except RenderingError as error:
         return str(error)
     return None

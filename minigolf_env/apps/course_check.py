@@ -17,7 +17,7 @@ from minigolf_env.courses import Course, CourseError, Cup, list_courses, load_co
 from minigolf_env.envs import MiniGolfEnv
 from minigolf_env.physics import World
 from minigolf_env.players.search import search
-from minigolf_env.rendering import still
+from minigolf_env.rendering import static_view
 
 CUPLESS = "room"
 """The bundled course without a cup."""
@@ -70,10 +70,10 @@ def picture(course: Course, camera: str = "tee", size: tuple[int, int] = (640, 4
     Raises:
         RenderingError: nothing can be drawn here.
     """
-    from minigolf_env.rendering.offscreen import draw
+    from minigolf_env.rendering.gl.offscreen import draw
 
     ball = np.array([*course.tee.centre, course.tee.height + course.ball_radius])
-    return draw(course, *still(course, camera, size[0] / size[1], ball), size)
+    return draw(course, *static_view(course, camera, size[0] / size[1], ball), size)
 
 
 def write_pictures(folder: Path) -> Path:

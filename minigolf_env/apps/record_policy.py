@@ -11,7 +11,7 @@ from tqdm import tqdm
 from minigolf_env._validation import integer, one_of
 from minigolf_env.envs import MiniGolfEnv, round_reset_options
 from minigolf_env.players.policies import Policy, load_policy
-from minigolf_env.rendering import PROFILES, check_size, picture_count
+from minigolf_env.rendering import RENDER_PROFILES, check_size, frame_count
 from minigolf_env.rendering.video_writer import VideoWriter, check_fps, check_path
 
 
@@ -37,10 +37,10 @@ def record_policy(
         difficulty: of levels, as for MiniGolfEnv.
         episodes: how many are played, at least 1.
         seed: of the first episode and the random policy; the next episode's is one more.
-        camera: a name of ``rendering.CAMERAS``.
+        camera: a name of ``rendering.CAMERA_NAMES``.
         size: width and height, pixels.
         fps: pictures a second.
-        profile: a name of ``rendering.PROFILES``.
+        profile: a name of ``rendering.RENDER_PROFILES``.
 
     Raises:
         ValueError: an argument is not what it should be; nothing was computed then.
@@ -53,7 +53,7 @@ def record_policy(
     fps, size = check_fps(fps, path), check_size(size, "size")
     integer(episodes, "episodes", 1, 1000, "one has several putts.")
     integer(seed, "seed", 0, 2**63, "0 will do.")
-    one_of(profile, PROFILES, "profile")
+    one_of(profile, RENDER_PROFILES, "profile")
     player = load_policy(policy, seed)
     look: dict[str, Any] = {"render_size": size, "camera": camera, "render_profile": profile}
     look |= {"observation": player.observation, "difficulty": difficulty}
@@ -64,7 +64,7 @@ def record_policy(
     with VideoWriter(path, size, fps) as writer:
         _draw(stages, writer, sum(show.pictures for show in shows))
     print(
-        f"{output}: {writer.pictures / fps:.1f} s of {size[0]} x {size[1]}, {path.stat().st_size / 1e6:.2f} MB, "
+        f"{output}: {writer.num_frames / fps:.1f} s of {size[0]} x {size[1]}, {path.stat().st_size / 1e6:.2f} MB, "
         f"strokes: {', '.join(map(str, shows))}; took {time.perf_counter() - started:.0f} s"
     )
 
@@ -85,13 +85,13 @@ def _play(env: MiniGolfEnv, player: Policy, seed: int, options: dict[str, int], 
     over, pictures = False, 1
     while not over:
         observation, _, over, _, info = env.step(player.act(observation, env))
-        pictures += picture_count(info["shot_time"], fps)
+        pictures += frame_count(info["shot_time"], fps)
     return _Show(info["strokes"], info["is_success"], pictures)
 
 
 def _draw(stages: list[MiniGolfEnv], writer: VideoWriter, total: int) -> None:
     with tqdm(total=total, desc="Filming", leave=False, disable=None) as bar:
         for env in stages:
-            for picture in env.screen.film(writer.fps):
+            for picture in env.renderer.iter_frames(writer.fps):
                 writer.add(picture)
                 bar.update()

@@ -22,7 +22,7 @@ from minigolf_env.envs.samplers import LevelSampler, SequentialTasks, SingleTask
 from minigolf_env.envs.task import REWARDS, FloatArray, Task
 from minigolf_env.physics import World
 from minigolf_env.physics.world import IMPACT_MODELS
-from minigolf_env.rendering import CAMERAS, PROFILES, Settings, check_size
+from minigolf_env.rendering import CAMERA_NAMES, RENDER_PROFILES, RenderSettings, check_size
 
 TEE_CHOICES = ("random", "fixed")
 
@@ -57,7 +57,7 @@ class EnvConfig(NamedTuple):
 
     tasks: TaskSampler
     observer: ObservationType
-    settings: Settings
+    settings: RenderSettings
     """How it shows itself."""
 
 
@@ -84,11 +84,11 @@ def build_env_config(
         raise TypeError(unknown_choice_message(name, names, "argument"))
     if render_mode is not None:
         one_of(render_mode, render_modes, "render_mode")
-    settings = Settings(
+    settings = RenderSettings(
         mode=render_mode,
         size=check_size(render_size, "render_size"),
-        camera=one_of(camera, CAMERAS, "camera"),
-        profile=one_of(render_profile, PROFILES, "render_profile"),
+        camera=one_of(camera, CAMERA_NAMES, "camera"),
+        profile=one_of(render_profile, RENDER_PROFILES, "render_profile"),
         speed=positive_number(render_speed, "render_speed", "1 is real time."),
     )
     observer = OBSERVATIONS[one_of(observation, tuple(OBSERVATIONS), "observation")]

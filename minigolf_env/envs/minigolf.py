@@ -20,7 +20,7 @@ from minigolf_env.envs.config import (
 )
 from minigolf_env.envs.episode_state import decode_state, encode_state, task_index_info
 from minigolf_env.envs.task import FloatArray, Outcome, Result, action_space
-from minigolf_env.rendering import FPS, RENDER_MODES, Screen, Stage
+from minigolf_env.rendering import RENDER_FPS, RENDER_MODES, EpisodeRenderer, RenderContext
 
 Observation = NDArray[Any]
 Action = NDArray[np.float32]
@@ -121,7 +121,7 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
 
     metadata: dict[str, Any] = {  # noqa: RUF012 (the base class types it so)
         "render_modes": list(RENDER_MODES),
-        "render_fps": FPS,
+        "render_fps": RENDER_FPS,
     }
 
     def __init__(
@@ -133,7 +133,7 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
         self._sampler, self._observer, settings = build_env_config(course, RENDER_MODES, render_mode, **options)
         self.task = self._sampler.default()
         self.render_mode = render_mode
-        self.screen = Screen(self._stage(), settings)
+        self.renderer = EpisodeRenderer(self._render_context(), settings)
         self.action_space = action_space()
         self.observation_space = self._observer.space()
         self._position: FloatArray | None = None
@@ -162,7 +162,7 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
         if position is None:
             position = self.task.sample_start([self.np_random])[0]
         self._position, self._strokes, self._over = position, 0, False
-        self.screen.put(position, self._stage())
+        self.renderer.place_ball(position, self._render_context())
         return self._observe(), self._info("tee", 0.0, 0, holed=False)
 
     def step(self, action: ArrayLike) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
@@ -182,17 +182,17 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
         reward = self.task.rewards(potential(before), potential(self._position), np.array(self._over))
         status = Result(int(outcome.result[0])).name.lower()
         info = self._info(status, float(outcome.time[0]), int(outcome.bounces[0]), holed=holed)
-        self.screen.putt(before, velocity[0], self._position)
+        self.renderer.add_putt(before, velocity[0], self._position)
         return self._observe(), float(reward), self._over, False, info
 
     def render(self) -> Any:
         """Return what the render mode promises: a picture, a list of pictures, or None."""
         self._ball()
-        return self.screen.render()
+        return self.renderer.render()
 
     def close(self) -> None:
         """Close the window, if there is one."""
-        self.screen.close()
+        self.renderer.close()
 
     def what_if(self, actions: ArrayLike) -> Outcome:
         """Return what putts (N, 2) from the present state would lead to, without noise and without moving the ball."""
@@ -215,7 +215,7 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
         if episode.np_random is not None:
             self.np_random.bit_generator.state = episode.np_random
         self.task, self._position, self._strokes, self._over = episode[:4]
-        self.screen.put(episode.position, self._stage())
+        self.renderer.place_ball(episode.position, self._render_context())
 
     def _ball(self) -> NDArray[np.float64]:
         if self._position is None:
@@ -237,5 +237,5 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
             **task_index_info(self._sampler, self.task),
         }
 
-    def _stage(self) -> Stage:
-        return Stage(self.task.course, self.task.simulate_path)
+    def _render_context(self) -> RenderContext:
+        return RenderContext(self.task.course, self.task.simulate_path)

@@ -26,7 +26,7 @@ from minigolf_env.envs.config import (
 )
 from minigolf_env.envs.episode_state import check_episode_positions, decode_state, encode_state, error_context
 from minigolf_env.envs.task import FloatArray, Outcome, Result, Task, TaskBatch, action_space, stack_tasks, take
-from minigolf_env.rendering import FPS, Screen, Stage
+from minigolf_env.rendering import RENDER_FPS, EpisodeRenderer, RenderContext
 
 Flags = NDArray[np.bool_]
 Rows = NDArray[np.int64]
@@ -64,10 +64,10 @@ class MiniGolfVectorEnv(Attributes):
 
     metadata: dict[str, Any] = {  # noqa: RUF012 (the base class types it so)
         "render_modes": ["rgb_array", "rgb_array_list"],
-        "render_fps": FPS,
+        "render_fps": RENDER_FPS,
         "autoreset_mode": AutoresetMode.NEXT_STEP,
     }
-    screens: tuple[Screen, ...] = ()
+    renderers: tuple[EpisodeRenderer, ...] = ()
     """One for each environment that can be seen; none where the constructor was refused its arguments."""
 
     def __init__(
@@ -87,9 +87,10 @@ class MiniGolfVectorEnv(Attributes):
         self.num_envs = num_envs
         self.autoreset_mode = check_autoreset(autoreset_mode)
         self.metadata = {**self.metadata, "autoreset_mode": self.autoreset_mode}
-        shown = num_envs if render_mode is not None else 0
         first = self._sampler.default()
-        self.screens = tuple(Screen(Stage(first.course, first.simulate_path), settings) for _ in range(shown))
+        num_renderers = num_envs if render_mode is not None else 0
+        context = RenderContext(first.course, first.simulate_path)
+        self.renderers = tuple(EpisodeRenderer(context, settings) for _ in range(num_renderers))
         self.single_action_space, self.single_observation_space = action_space(), self._observer.space()
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
@@ -134,8 +135,9 @@ class MiniGolfVectorEnv(Attributes):
         outcome = game.simulate(before, velocities)
         self._positions[rows] = outcome.position
         self._strokes[rows] += 1
-        for i, *putt in zip(self._all[rows], before, velocities, outcome.position, strict=True) if self.screens else ():
-            self.screens[i].putt(*putt)
+        if self.renderers:
+            for i, *putt in zip(self._all[rows], before, velocities, outcome.position, strict=True):
+                self.renderers[i].add_putt(*putt)
         over = outcome.holed | (self._strokes[rows] >= game.max_strokes)
         rewards, terminated = np.zeros(self.num_envs), np.zeros(self.num_envs, np.bool_)
         potentials = game.potential(outcome.position)
@@ -154,12 +156,7 @@ class MiniGolfVectorEnv(Attributes):
     def render(self) -> tuple[Any, ...] | None:
         """Return what the render mode promises, of each environment; None without one."""
         self._require_balls()
-        return tuple(screen.render() for screen in self.screens) or None
-
-    def close_extras(self, **kwargs: Any) -> None:
-        """Tell nothing more to those who film."""
-        for screen in self.screens:
-            screen.close()
+        return tuple(renderer.render() for renderer in self.renderers) or None
 
     def what_if(self, actions: ArrayLike) -> Outcome:
         """Return what putts from the present states would lead to, without noise and without moving a ball.
@@ -278,9 +275,11 @@ class MiniGolfVectorEnv(Attributes):
     def _place_balls(self, rows: Rows, keep_last: bool = False) -> None:
         """Take in that the balls of some environments were put where they lie now."""
         self._potentials[rows] = self._subset(rows).potential(self._positions[rows])
-        for i in rows.tolist() if self.screens else ():
+        for i in rows.tolist() if self.renderers else ():
             hole = self._tasks[i]
-            self.screens[i].put(self._positions[i].copy(), Stage(hole.course, hole.simulate_path), keep_last)
+            self.renderers[i].place_ball(
+                self._positions[i].copy(), RenderContext(hole.course, hole.simulate_path), keep_last
+            )
 
     def _observe(self, rows: Rows | slice) -> Observations:
         return self._observer.observe(self._subset(rows), self._positions[rows], self._strokes[rows])

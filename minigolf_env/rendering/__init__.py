@@ -1,29 +1,32 @@
-"""Pictures of a course and what happens on it. Importing this loads no OpenGL; the first picture does."""
+"""Rendering of courses and putts. Importing this package loads no OpenGL; the first image does."""
 
-from minigolf_env.rendering.camera import CAMERAS, Camera
-from minigolf_env.rendering.dirty_rect import flag_at_rest
-from minigolf_env.rendering.episode_renderer import FPS, PROFILES, RENDER_MODES, Screen, Settings, Stage, check_size
+from minigolf_env.rendering.camera import CAMERA_NAMES, Camera
+from minigolf_env.rendering.episode_renderer import EpisodeRenderer, RenderContext
 from minigolf_env.rendering.errors import RenderingError
-from minigolf_env.rendering.replay import PAUSE, picture_count, still
-from minigolf_env.rendering.scene_state import Frame, Line
-from minigolf_env.rendering.tiles import tile
+from minigolf_env.rendering.image import Image, check_size, tile, tile_sequences
+from minigolf_env.rendering.props import flag_rest_position
+from minigolf_env.rendering.replay import PAUSE_AFTER_PUTT, frame_count, static_view
+from minigolf_env.rendering.scene_state import Line, SceneState
+from minigolf_env.rendering.settings import RENDER_FPS, RENDER_MODES, RENDER_PROFILES, RenderSettings
 
 __all__ = [
-    "CAMERAS",
-    "FPS",
-    "PAUSE",
-    "PROFILES",
+    "CAMERA_NAMES",
+    "PAUSE_AFTER_PUTT",
+    "RENDER_FPS",
     "RENDER_MODES",
+    "RENDER_PROFILES",
     "Camera",
-    "Frame",
+    "EpisodeRenderer",
+    "Image",
     "Line",
+    "RenderContext",
+    "RenderSettings",
     "RenderingError",
-    "Screen",
-    "Settings",
-    "Stage",
+    "SceneState",
     "check_size",
-    "flag_at_rest",
-    "picture_count",
-    "still",
+    "flag_rest_position",
+    "frame_count",
+    "static_view",
     "tile",
+    "tile_sequences",
 ]

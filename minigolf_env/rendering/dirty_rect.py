@@ -1,4 +1,8 @@
-"""What moves in a picture and what of the picture it may change. Numpy only; the light is the shaders'."""
+"""The dirty rectangle: the part of an image that ball, flag and lines may change. Numpy only.
+
+While the camera stands still, the renderer copies a cached background and draws only this rectangle again. The
+rectangle bounds the projections of axis-aligned boxes around everything that moves and around its shadow.
+"""
 
 from __future__ import annotations
 
@@ -10,36 +14,29 @@ from numpy.typing import NDArray
 
 from minigolf_env.courses import Course
 from minigolf_env.rendering.camera import Camera
-from minigolf_env.rendering.props import CLOTH_LENGTH, POLE_HEIGHT
-from minigolf_env.rendering.scene_state import Frame
+from minigolf_env.rendering.props import CLOTH_LENGTH, POLE_HEIGHT, SUN_DIRECTION, flag_rest_position
+from minigolf_env.rendering.scene_state import SceneState
 
 FloatArray = NDArray[np.float64]
 
-SUN = np.array([-0.46, -0.38, 0.80]) / np.linalg.norm([-0.46, -0.38, 0.80])
-"""Unit vector to the sun."""
+OCCLUSION_RANGE = 4.0
+"""Distance up to which the ball darkens its surroundings (ambient occlusion), in radii; surface.frag has it too."""
 
-CLOTH = np.array([-SUN[1], SUN[0]]) / np.hypot(SUN[0], SUN[1])
-"""Unit vector (2,) along the flag's cloth: across the sun's way, so that it throws a shadow."""
+MAX_PENUMBRA_GROWTH = 0.1
+"""Width that shadows gain per metre of distance from their caster, at most; slightly more than in surface.frag."""
 
-DIMMED = 4.0
-"""How far around itself the ball takes light away, in radii; surface.frag knows it too."""
+PIXEL_ROUNDING = np.array([[-1.0], [2.0]])
+"""Offsets of floored lower and upper edges to whole pixels, with a pixel to spare."""
 
-SOFT = 0.1
-"""How much wider shadows get with the distance from what throws them, at most; a little more than in surface.frag."""
-
-
-ROUND = np.array([[-1.0], [2.0]])
-"""A part of a picture in whole pixels, with one to spare."""
-
-TINY = 1e-6
-"""A distance from the camera, m."""
+MIN_CLIP_W = 1e-6
+"""Distance in front of the camera below which a box counts as behind it, m."""
 
 NEAR_AND_FAR = np.array([[[-1.0]], [[1.0]]])
-"""Towards the camera, and away from it."""
+"""Signs of a box's half-extent towards the camera and away from it."""
 
 
-class Box(NamedTuple):
-    """A part of a picture, in pixels from its upper left corner."""
+class PixelRect(NamedTuple):
+    """A rectangle of an image, in pixels from its upper left corner."""
 
     left: int
     top: int
@@ -47,61 +44,75 @@ class Box(NamedTuple):
     bottom: int
 
 
-def flag_at_rest(course: Course) -> FloatArray:
-    """Return the foot (3,) of the flag's pole on the cup's bottom, m; the origin without cup."""
-    if course.cup is None:
-        return np.zeros(3)
-    x, y, rim = course.cup.position
-    return np.array([x, y, rim - course.cup.depth])
+def compute_dirty_rect(course: Course, camera: Camera, state: SceneState, size: tuple[int, int]) -> PixelRect:
+    """Return the rectangle of an image of (width, height) pixels outside of which it shows the course alone.
 
-
-def moving_part(course: Course, camera: Camera, frame: Frame, size: tuple[int, int]) -> Box:
-    """Return the part of a picture of (width, height) pixels outside of which it shows no more than the course.
-
-    In it are the ball with all that it takes light from, the flag with its shadow if it is lifted, and the lines.
+    The rectangle has the ball with everything that it shades, the lines, and the flag with its shadow if it is lifted.
     """
-    lowest = _lowest(course)
-    r, fall = frame.size * course.ball_radius, _fall(frame.ball, lowest)
-    cubes = [(frame.ball, DIMMED * r), (frame.ball - fall * SUN, 2.0 * r + SOFT * fall)]
-    rest = flag_at_rest(course)
-    if not np.array_equal(frame.flag, rest):
-        for foot in (rest, frame.flag):
+    cubes = _moving_cubes(course, state)
+    centers = np.array([center for center, _ in cubes])
+    half_extents = np.array([[half_extent] * 3 for _, half_extent in cubes])
+    lower, upper = project_aabbs(centers, half_extents, camera.clip_from_world(size[0] / size[1]))
+    # From clip coordinates, y up, to pixels, y down.
+    left, right = lower[:, 0].min(), upper[:, 0].max()
+    top, bottom = -upper[:, 1].max(), -lower[:, 1].min()
+    pixels = (0.5 + 0.5 * np.array([[left, top], [right, bottom]])) * size
+    corners = np.clip(np.floor(pixels) + PIXEL_ROUNDING, 0, size).astype(int).tolist()
+    return PixelRect(*corners[0], *corners[1])
+
+
+def project_aabbs(centers: FloatArray, half_extents: FloatArray, clip: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return lower and upper bounds (N, 2) of axis-aligned boxes in the image, x and y in [-1, 1].
+
+    Args:
+        centers: centres (N, 3) of the boxes, m.
+        half_extents: half sizes (N, 3) of the boxes, m.
+        clip: matrix (4, 4) from world to clip coordinates. A box that reaches behind the camera has infinite bounds.
+    """
+    rows = clip[[0, 1, 3]]
+    center = centers @ rows[:, :3].T + rows[:, 3]
+    spread = half_extents @ np.abs(rows[:, :3]).T
+    xy = np.stack([center - spread, center + spread])[..., :2]
+    w = center[:, 2:] + spread[:, 2:] * NEAR_AND_FAR
+    corners = xy[:, None] / np.maximum(w, MIN_CLIP_W)
+    is_behind = w[0] < MIN_CLIP_W
+    lower = np.where(is_behind, -np.inf, corners.min(axis=(0, 1)))
+    upper = np.where(is_behind, np.inf, corners.max(axis=(0, 1)))
+    return lower, upper
+
+
+def _moving_cubes(course: Course, state: SceneState) -> list[tuple[FloatArray, float]]:
+    """Return centres (3,) and half sizes, m, of cubes around everything that moves, and around its shadows."""
+    ground = _lowest_point(course)
+    # The ball with the surroundings that it darkens, and its shadow.
+    radius = state.ball_scale * course.ball_radius
+    shadow_distance = _max_shadow_distance(state.ball, ground)
+    cubes = [
+        (state.ball, OCCLUSION_RANGE * radius),
+        (state.ball - shadow_distance * SUN_DIRECTION, 2.0 * radius + MAX_PENUMBRA_GROWTH * shadow_distance),
+    ]
+    # A lifted flag: where it stood and where it is, each with the shadow of the cloth.
+    rest = flag_rest_position(course)
+    if not np.array_equal(state.flag, rest):
+        for foot in (rest, state.flag):
             top = foot + np.array([0.0, 0.0, POLE_HEIGHT])
-            fall = _fall(top, lowest)
+            shadow_distance = _max_shadow_distance(top, ground)
+            shadow_size = 1.2 * CLOTH_LENGTH + MAX_PENUMBRA_GROWTH * shadow_distance
             cubes += [
                 (foot, CLOTH_LENGTH),
                 (top, 1.2 * CLOTH_LENGTH),
-                (top - fall * SUN, 1.2 * CLOTH_LENGTH + SOFT * fall),
+                (top - shadow_distance * SUN_DIRECTION, shadow_size),
             ]
-    cubes += [(point, line.width) for line in frame.lines for point in line.points]
-    middles, halves = np.array([middle for middle, _ in cubes]), np.array([[half] * 3 for _, half in cubes])
-    lower, upper = seen_between(middles, halves, camera.clip_from_world(size[0] / size[1]))
-    (left, top), (right, bottom) = (lower[:, 0].min(), -upper[:, 1].max()), (upper[:, 0].max(), -lower[:, 1].min())
-    pixels = (0.5 + 0.5 * np.array([[left, top], [right, bottom]])) * size
-    (left, top), (right, bottom) = np.clip(np.floor(pixels) + ROUND, 0, size).astype(int).tolist()
-    return Box(left, top, right, bottom)
-
-
-def seen_between(middles: FloatArray, halves: FloatArray, clip: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return lower and upper bounds (N, 2) of where upright boxes are seen, x and y in [-1, 1] in the picture.
-
-    Args:
-        middles: (N, 3) of the boxes, m.
-        halves: (N, 3) half their sizes, m.
-        clip: (4, 4) to clip coordinates. A box that reaches behind the camera may be anywhere.
-    """
-    rows = clip[[0, 1, 3]]
-    at, spread = middles @ rows[:, :3].T + rows[:, 3], halves @ np.abs(rows[:, :3]).T
-    xy, w = np.stack([at - spread, at + spread])[..., :2], at[:, 2:] + spread[:, 2:] * NEAR_AND_FAR
-    ends, behind = xy[:, None] / np.maximum(w, TINY), w[0] < TINY
-    return np.where(behind, -np.inf, ends.min(axis=(0, 1))), np.where(behind, np.inf, ends.max(axis=(0, 1)))
+    cubes += [(point, line.width) for line in state.lines for point in line.points]
+    return cubes
 
 
 @functools.lru_cache(maxsize=64)
-def _lowest(course: Course) -> float:
+def _lowest_point(course: Course) -> float:
+    """Return the lowest z of a course, m."""
     return min(float(part.mesh.vertices[:, 2].min()) for part in course.parts)
 
 
-def _fall(place: FloatArray, lowest: float) -> float:
-    """Return how far a place's shadow is from it at most, m."""
-    return max(0.0, float(place[2]) - lowest) / float(SUN[2])
+def _max_shadow_distance(point: FloatArray, ground: float) -> float:
+    """Return the greatest distance of a point (3,) to its shadow, m: the shadow is on the lowest ground."""
+    return max(0.0, float(point[2]) - ground) / float(SUN_DIRECTION[2])

@@ -1,10 +1,13 @@
-"""What one environment shows: its last putts as pictures, a list of pictures, or a film in a window."""
+"""Rendering of one environment: its putts as an image, as a list of frames, or as an animation in a window.
+
+The environment reports each placement of the ball and each putt. Paths are traced and images drawn only when somebody
+asks for them.
+"""
 
 from __future__ import annotations
 
-import operator
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -12,226 +15,216 @@ from numpy.typing import NDArray
 
 from minigolf_env.courses import Course
 from minigolf_env.rendering.camera import Camera
-from minigolf_env.rendering.replay import Replay, still
-from minigolf_env.rendering.scene_state import Frame
+from minigolf_env.rendering.image import Image
+from minigolf_env.rendering.replay import Replay, static_view
+from minigolf_env.rendering.scene_state import SceneState
+from minigolf_env.rendering.settings import RENDER_FPS, RenderSettings
 
 if TYPE_CHECKING:
     from minigolf_env.rendering.window import Window
 
 FloatArray = NDArray[np.float64]
-Picture = NDArray[np.uint8]
 Trace = Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
-"""From a ball's position and velocity (3,) to its path (T, 3) and times (T,)."""
+"""Function from a ball's position and velocity (3,) to its path (T, 3) and times (T,)."""
 
-RENDER_MODES = ("rgb_array", "rgb_array_list", "human")
-PROFILES = ("auto", "high", "fast")
-FPS = 30
-"""Pictures a second in lists and videos: a putt of 5 s is 138 MB at 640 x 480."""
-
-TRACE_POINTS = 400
-"""Of the last putt's way in a still picture."""
+NUM_PATH_POINTS = 400
+"""Number of points of the line that shows the last putt in a single image."""
 
 
-@dataclass(frozen=True)
-class Settings:
-    """How an environment shows itself; checked by envs/options.py."""
-
-    mode: str | None = None
-    """One of RENDER_MODES, or None: nothing is shown."""
-    size: tuple[int, int] = (640, 480)
-    """Width and height, pixels."""
-    camera: str = "follow"
-    """One of camera.CAMERAS."""
-    profile: str = "auto"
-    """One of PROFILES; "auto" is "high", and "fast" in a window that is drawn without a GPU."""
-
-    speed: float = 1.0
-    """How much faster than real time a window shows putts."""
-
-    @property
-    def aspect(self) -> float:
-        """Width / height."""
-        return self.size[0] / self.size[1]
-
-
-def check_size(size: tuple[int, int], name: str) -> tuple[int, int]:
-    """Return the width and height of a picture, pixels, or raise a ValueError; ``name`` is what it calls them."""
-    try:
-        width, height = (operator.index(side) for side in size)
-    except (TypeError, ValueError):
-        width = height = 0
-    if width < 1 or height < 1:
-        raise ValueError(f"{name}: expected width and height in pixels, at least 1, received {size!r}.")
-    return width, height
-
-
-class Stage(NamedTuple):
-    """Where putts are played."""
+class RenderContext(NamedTuple):
+    """The course on which putts are played, and its physics."""
 
     course: Course
+    """The course."""
     trace: Trace
-    """The physics."""
+    """Simulation of a putt that records the path."""
 
 
-class _Event(NamedTuple):
-    """A ball that is put somewhere, or a putt."""
+class _RenderEvent(NamedTuple):
+    """A placement of the ball, or a putt."""
 
-    stage: Stage
-    lies: FloatArray
-    """(3,) where the ball lies then, m."""
-    before: FloatArray | None = None
-    """(3,) where it was struck, m; None: it was put there."""
+    context: RenderContext
+    """The course and its physics."""
+    next_position: FloatArray
+    """Position (3,) of the ball after the event, m."""
+    start: FloatArray | None = None
+    """Position (3,) from which the ball was struck, m; None: the ball was placed."""
     velocity: FloatArray | None = None
-    """(3,) how it was struck, m/s."""
+    """Launch velocity (3,), m/s; None: the ball was placed."""
 
 
-class Screen:
-    """Shows the putts of one environment; where nothing is asked for, nothing is computed.
+class EpisodeRenderer:
+    """Renders the putts of one environment; computes nothing until it is asked to.
 
     Args:
-        stage: where the first putts are played.
-        settings: what to show.
+        context: the course of the first putts and its physics.
+        settings: render mode, image size, camera and profile.
     """
 
-    def __init__(self, stage: Stage, settings: Settings) -> None:
+    def __init__(self, context: RenderContext, settings: RenderSettings) -> None:
         self._settings = settings
-        self._stage = self._entered = stage
-        self._unseen: list[_Event] = []
-        self._mirrors: list[Screen] = []
-        self._ball, self._turn, self._clock = np.zeros(3), np.eye(3), 0.0
-        self._last: Replay | None = None
+        self._context = context
+        """Context of the last rendered event."""
+        self._next_context = context
+        """Context of the next reported event."""
+        self._pending: list[_RenderEvent] = []
+        """Reported events that have not been rendered."""
+        self._subscribers: list[EpisodeRenderer] = []
+        self._ball = np.zeros(3)
+        self._rotation = np.eye(3)
+        self._time = 0.0
+        """Seconds of play since the ball was placed."""
+        self._last_replay: Replay | None = None
         self._window: Window | None = None
 
-    def put(self, ball: FloatArray, stage: Stage | None = None, keep_last: bool = False) -> None:
-        """Begin anew with the ball at rest at (3,).
+    def place_ball(self, ball: FloatArray, context: RenderContext | None = None, keep_last: bool = False) -> None:
+        """Report that the ball was placed at rest, as at a reset.
 
         Args:
-            ball: its centre, m.
-            stage: where it lies and the next putts are played; None: where the last ones were.
-            keep_last: the last putt is still to be seen.
+            ball: centre (3,) of the ball, m.
+            context: the course of the ball and of the next putts; None: the same as before.
+            keep_last: the last event has not been rendered and still will be; False: pending events are dropped.
         """
-        self._entered = stage or self._entered
-        self._add(_Event(self._entered, ball), self._unseen[-1:] if keep_last else [])
-        for mirror in self._mirrors:
-            mirror.put(ball, stage, keep_last)
+        self._next_context = context or self._next_context
+        self._add(_RenderEvent(self._next_context, ball), self._pending[-1:] if keep_last else [])
+        for subscriber in self._subscribers:
+            subscriber.place_ball(ball, context, keep_last)
 
-    def putt(self, before: FloatArray, velocity: FloatArray, lies: FloatArray) -> None:
-        """Take in a putt: where it was struck (3,), how (3,), and where the ball lies now (3,)."""
-        self._add(_Event(self._entered, lies, before, velocity), self._unseen)
-        for mirror in self._mirrors:
-            mirror.putt(before, velocity, lies)
+    def add_putt(self, start: FloatArray, velocity: FloatArray, next_position: FloatArray) -> None:
+        """Report a putt: where it started (3,), its velocity (3,), and where the ball is for the next one (3,)."""
+        self._add(_RenderEvent(self._next_context, next_position, start, velocity), self._pending)
+        for subscriber in self._subscribers:
+            subscriber.add_putt(start, velocity, next_position)
 
-    def mirror(self) -> Screen:
-        """Return a screen that from now on takes in what this one does, for ``film``: neither sees it for the other."""
-        mirror = Screen(self._entered, replace(self._settings, mode="rgb_array_list"))
-        mirror._ball = self._unseen[-1].lies if self._unseen else self._ball
-        self._mirrors.append(mirror)
-        return mirror
+    def subscribe(self) -> EpisodeRenderer:
+        """Return another renderer that receives all later events, for ``iter_frames``.
 
-    def render(self) -> Picture | list[Picture] | None:
-        """Return what the render mode promises; a list is given once."""
+        Each renderer has its own list of pending events: neither takes frames from the other.
+        """
+        subscriber = EpisodeRenderer(self._next_context, replace(self._settings, mode="rgb_array_list"))
+        subscriber._ball = self._pending[-1].next_position if self._pending else self._ball
+        self._subscribers.append(subscriber)
+        return subscriber
+
+    def render(self) -> Image | list[Image] | None:
+        """Return the result of the render mode; each frame is in one list only."""
         if self._settings.mode == "rgb_array":
-            return self.picture()
+            return self.frame()
         if self._settings.mode == "rgb_array_list":
-            return list(self.film())
+            return list(self.iter_frames())
         return None
 
-    def picture(self) -> Picture:
-        """Return the present state, with the way of the last putt."""
-        for event in self._take():
-            self._replay(event)
-        camera, frame = self._still()
-        if self._last is not None:
-            frame = frame._replace(turn=self._turn, lines=(self._last.way(TRACE_POINTS),))
-        return self._draw(camera, frame)
+    def frame(self) -> Image:
+        """Return an image of the present state, with the path of the last putt."""
+        for event in self._take_pending():
+            self._apply(event)
+        camera, state = self._static_view()
+        if self._last_replay is not None:
+            state = state._replace(rotation=self._rotation, lines=(self._last_replay.path_line(NUM_PATH_POINTS),))
+        return self._draw(camera, state)
 
-    def film(self, fps: int = FPS, until_put: bool = False) -> Iterator[Picture]:
-        """Yield the pictures of what has not been seen yet: one of a ball put on the tee, ``fps`` a second of putts.
-
-        ``until_put``: a ball that is put somewhere, and what follows, is left for the next call.
-        """
-        for event in self._take(until_put):
-            replay = self._replay(event)
+    def iter_frames(self, fps: int = RENDER_FPS) -> Iterator[Image]:
+        """Yield the frames of all pending events: one of each placed ball, ``fps`` per second of each putt."""
+        for event in self._take_pending():
+            replay = self._apply(event)
             if replay is None:
-                yield self._draw(*self._still())
+                yield self._draw(*self._static_view())
             else:
-                for time in replay.moments(fps):
-                    yield self._draw(*replay.at(time))
+                for time in replay.frame_times(fps):
+                    yield self._draw(*replay.view(time))
 
-    def forget(self, until_put: bool = False) -> None:
-        """Let pass what ``film`` would show."""
-        for event in self._take(until_put):
-            self._begin(event)
+    def skip(self) -> None:
+        """Drop the pending events without rendering them."""
+        for event in self._take_pending():
+            self._start_episode(event)
 
     def close(self) -> None:
-        """Close the window, if there is one, and tell mirrors nothing more."""
-        self._mirrors = []
+        """Close the window, if there is one, and remove all subscribers."""
+        self._subscribers = []
         if self._window is not None:
             self._window.close()
 
-    def _add(self, event: _Event, before: list[_Event]) -> None:
+    def _add(self, event: _RenderEvent, pending: list[_RenderEvent]) -> None:
+        """Append an event to the pending ones; a window shows it at once."""
         if self._settings.mode is None:
             return
-        self._unseen = [*before, event]
+        self._pending = [*pending, event]
         if self._settings.mode == "human":
-            if self._window is not None and not self._window.is_open:
-                self.forget()
-            for shown in self._take():
-                replay = self._replay(shown)
-                if replay is None:
-                    self._open().show(*self._still())
-                else:
-                    self._open().play(replay)
+            self._show_pending()
 
-    def _take(self, until_put: bool = False) -> Iterator[_Event]:
-        """Yield what has not been seen, and forget it."""
-        while self._unseen and not (until_put and self._unseen[0].velocity is None):
-            yield self._unseen.pop(0)
+    def _show_pending(self) -> None:
+        """Show all pending events in the window; drop them if its user has closed it."""
+        if self._window is not None and not self._window.is_open:
+            self.skip()
+        for event in self._take_pending():
+            replay = self._apply(event)
+            if replay is None:
+                self._open_window().present(*self._static_view())
+            else:
+                self._open_window().play(replay)
 
-    def _begin(self, event: _Event) -> None:
-        self._stage = event.stage
-        self._ball, self._turn, self._clock, self._last = event.lies, np.eye(3), 0.0, None
+    def _take_pending(self) -> Iterator[_RenderEvent]:
+        """Yield the pending events in order and remove each."""
+        while self._pending:
+            yield self._pending.pop(0)
 
-    def _replay(self, event: _Event) -> Replay | None:
-        """Let an event happen; return the putt, which goes on from the one before, or None for a ball that was put."""
-        if event.before is None or event.velocity is None:
-            self._begin(event)
+    def _start_episode(self, event: _RenderEvent) -> None:
+        """Take over the context and the ball of an event, without a history of putts."""
+        self._context = event.context
+        self._ball = event.next_position
+        self._rotation = np.eye(3)
+        self._time = 0.0
+        self._last_replay = None
+
+    def _apply(self, event: _RenderEvent) -> Replay | None:
+        """Advance to after an event; return the replay of a putt, or None for a placed ball.
+
+        A putt's replay continues the previous one: camera, rotation of the ball and time.
+        """
+        if event.start is None or event.velocity is None:
+            self._start_episode(event)
             return None
-        if event.stage is not self._stage:  # The ball was put there unseen.
-            self._begin(event)
-        self._ball = event.lies
-        path, times = self._stage.trace(event.before, event.velocity)
+        if event.context is not self._context:  # The ball was placed there, and that event was dropped.
+            self._start_episode(event)
+        self._ball = event.next_position
+        path, times = self._context.trace(event.start, event.velocity)
+        previous = None if self._settings.mode == "rgb_array" else self._last_replay
         replay = Replay(
-            self._stage.course,
+            self._context.course,
             path,
             times,
             self._settings.camera,
             self._settings.aspect,
-            turn=self._turn,
-            clock=self._clock,
-            lies=event.lies,
-            before=None if self._last is None or self._settings.mode == "rgb_array" else self._last.last_camera,
+            rotation=self._rotation,
+            start_time=self._time,
+            next_position=event.next_position,
+            previous_camera=None if previous is None else previous.final_camera,
         )
-        self._turn, self._clock, self._last = replay.last_turn, self._clock + replay.time, replay
+        self._rotation = replay.final_rotation
+        self._time += replay.shot_time
+        self._last_replay = replay
         return replay
 
-    def _still(self) -> tuple[Camera, Frame]:
-        return still(self._stage.course, self._settings.camera, self._settings.aspect, self._ball, self._clock)
+    def _static_view(self) -> tuple[Camera, SceneState]:
+        """Return camera and scene state of the ball at rest."""
+        settings = self._settings
+        return static_view(self._context.course, settings.camera, settings.aspect, self._ball, self._time)
 
-    def _draw(self, camera: Camera, frame: Frame) -> Picture:
-        from minigolf_env.rendering.offscreen import draw
+    def _draw(self, camera: Camera, state: SceneState) -> Image:
+        from minigolf_env.rendering.gl.offscreen import draw
 
         profile = "fast" if self._settings.profile == "fast" else "high"
-        return draw(self._stage.course, camera, frame, self._settings.size, profile)
+        return draw(self._context.course, camera, state, self._settings.size, profile)
 
-    def _open(self) -> Window:
+    def _open_window(self) -> Window:
+        """Return the window on the present course; it is opened at the first call."""
         if self._window is None:
             from minigolf_env.rendering.window import Window
 
-            self._window = Window(self._stage.course, self._settings)
-        self._window.enter(self._stage.course)
+            self._window = Window(self._context.course, self._settings)
+        self._window.set_course(self._context.course)
         return self._window
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return what a copy starts with: everything but the window."""
+        """Return the state of a copy: everything but the window."""
         return {**self.__dict__, "_window": None}

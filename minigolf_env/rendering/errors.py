@@ -1,5 +1,5 @@
-"""What goes wrong when pictures cannot be drawn."""
+"""The exception of the rendering package."""
 
 
 class RenderingError(RuntimeError):
-    """Pictures cannot be drawn here; the message says what was tried, why it failed, and the remedy."""
+    """Images cannot be rendered on this machine; the message names what was tried, why it failed, and the remedy."""

@@ -1,4 +1,4 @@
-"""A putt as something to watch: where ball, flag and camera are at any time of it. Numpy only."""
+"""The replay of a putt: poses of ball, flag and camera at any time. Numpy only."""
 
 from __future__ import annotations
 
@@ -9,49 +9,56 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minigolf_env.courses import Course
-from minigolf_env.rendering.camera import Camera, view
-from minigolf_env.rendering.dirty_rect import flag_at_rest
-from minigolf_env.rendering.scene_state import Color, Frame, Line
+from minigolf_env.rendering.camera import Camera, make_camera
+from minigolf_env.rendering.props import flag_rest_position
+from minigolf_env.rendering.scene_state import Color, Line, SceneState
 
 FloatArray = NDArray[np.float64]
 
-PAUSE = 0.6
-"""How long the end of a putt is shown before the next, s: the camera turns to the next putt meanwhile."""
+PAUSE_AFTER_PUTT = 0.6
+"""Time for which the end of a putt is shown, s; meanwhile the following camera turns to the next putt."""
 
-TRAIL = 1.2
-"""How much of its way the ball draws behind itself, s."""
+TRAIL_DURATION = 1.2
+"""Age of the oldest part of the trail behind the ball, s."""
 
 TRAIL_WIDTH = 0.5
-"""In diameters of the ball."""
+"""Width of the trail, in diameters of the ball."""
 
-CAMERA_RATE = 60
-"""Places a second through which a following camera moves."""
+FOLLOW_SAMPLE_RATE = 60
+"""Samples per second of the following camera's path."""
 
-CAMERA_LAG = 0.16
-"""Time constant of its two smoothing filters, s."""
+FOLLOW_TIME_CONSTANT = 0.16
+"""Time constant of the two low-pass filters that smooth the following camera's path, s."""
 
-FLAG_NEAR, FLAG_LIFT = 0.7, 0.45
-"""The flag is lifted when the ball is nearer than this to the cup, and how far, m."""
+FLAG_LIFT_RADIUS = 0.7
+"""Distance of the ball to the cup below which the flag is lifted, m."""
+
+FLAG_LIFT_HEIGHT = 0.45
+"""Height by which the flag is lifted when the ball is at the cup, m."""
 
 
-def still(course: Course, camera: str, aspect: float, ball: FloatArray, time: float = 0.0) -> tuple[Camera, Frame]:
-    """Return the picture of a ball (3,) that lies still, after ``time`` seconds of play."""
-    return view(camera, course, ball, aspect, time), Frame(ball, np.eye(3), flag_foot(course, ball))
+def static_view(
+    course: Course, camera: str, aspect: float, ball: FloatArray, time: float = 0.0
+) -> tuple[Camera, SceneState]:
+    """Return camera and scene state of a ball (3,) at rest, after ``time`` seconds of play."""
+    state = SceneState(ball, np.eye(3), flag_position(course, ball))
+    return make_camera(camera, course, ball, aspect, time), state
 
 
 class Replay:
-    """One putt, to be looked at from a camera at any time from 0 to ``duration`` (s).
+    """Replay of one putt, from time 0 to ``duration`` (s).
 
     Args:
-        course: where it was played.
-        path: (T, 3) the ball's centre at ``times``, m.
-        times: (T,) rising from 0, s.
-        camera: one of CAMERAS.
-        aspect: width / height of the pictures.
-        turn: (3, 3) how the ball had rolled before.
-        clock: seconds of play before the putt.
-        lies: (3,) where the ball lies for the next putt, to which a following camera turns at the end.
-        before: the camera at the end of the putt before, from which a following camera starts.
+        course: the course on which it was played.
+        path: centre of the ball (T, 3) at ``times``, m.
+        times: (T,) increasing from 0, s.
+        camera: one of CAMERA_NAMES.
+        aspect: width / height of the images.
+        rotation: rotation matrix (3, 3) of the ball before the putt; None: the identity.
+        start_time: seconds of play before the putt.
+        next_position: position (3,) of the ball for the next putt, to which a following camera turns at the end; None:
+            the end of the path. The two differ after a ball out of bounds.
+        previous_camera: the camera at the end of the previous putt, from which a following camera starts.
     """
 
     def __init__(
@@ -62,115 +69,132 @@ class Replay:
         camera: str,
         aspect: float,
         *,
-        turn: FloatArray | None = None,
-        clock: float = 0.0,
-        lies: FloatArray | None = None,
-        before: Camera | None = None,
+        rotation: FloatArray | None = None,
+        start_time: float = 0.0,
+        next_position: FloatArray | None = None,
+        previous_camera: Camera | None = None,
     ) -> None:
         self.course = course
-        self.time = float(times[-1])
-        """How long the ball moves, s."""
-        self.duration = self.time + PAUSE
-        self._path, self._times = path, times
-        self._turns = _rolling(path, course.ball_radius, np.eye(3) if turn is None else turn)
-        self._camera, self._aspect, self._clock = camera, aspect, clock
-        self._lies, self._before = path[-1] if lies is None else lies, before
+        self.shot_time = float(times[-1])
+        """Time for which the ball moves, s."""
+        self.duration = self.shot_time + PAUSE_AFTER_PUTT
+        """Length of the replay, s."""
+        self._path = path
+        self._times = times
+        self._rotations = _rolling_rotations(path, course.ball_radius, np.eye(3) if rotation is None else rotation)
+        self._camera_name = camera
+        self._aspect = aspect
+        self._start_time = start_time
+        self._next_position = path[-1] if next_position is None else next_position
+        self._previous_camera = previous_camera
 
     @property
-    def last_turn(self) -> FloatArray:
-        """How the ball has rolled in the end (3, 3)."""
-        return np.asarray(self._turns[-1])
+    def final_rotation(self) -> FloatArray:
+        """Return the ball's rotation matrix (3, 3) at the end."""
+        return np.asarray(self._rotations[-1])
 
     @property
-    def last_camera(self) -> Camera:
-        """The camera in the end."""
+    def final_camera(self) -> Camera:
+        """Return the camera at the end."""
         return self.camera(self.duration)
 
-    def at(self, time: float) -> tuple[Camera, Frame]:
-        """Return what is seen at a time, s."""
-        return self.camera(time), self.frame(time)
+    def frame_times(self, fps: int) -> FloatArray:
+        """Return the times of the frames of a video, s."""
+        return np.arange(frame_count(self.shot_time, fps)) / fps
 
-    def moments(self, fps: int) -> FloatArray:
-        """Return the times of the pictures of a video, s."""
-        return np.arange(picture_count(self.time, fps)) / fps
+    def view(self, time: float) -> tuple[Camera, SceneState]:
+        """Return camera and scene state at a time, s."""
+        return self.camera(time), self.scene_state(time)
 
-    def frame(self, time: float) -> Frame:
-        """Return where things are at a time, s."""
-        ball = self._ball(time)
+    def scene_state(self, time: float) -> SceneState:
+        """Return the poses of ball and flag, and the trail, at a time, s."""
+        ball = self._ball_position(time)
         step = int(np.searchsorted(self._times, time, side="right")) - 1
-        return Frame(ball, self._turns[step], flag_foot(self.course, ball), self._trail(time))
+        return SceneState(ball, self._rotations[step], flag_position(self.course, ball), self._trail(time))
 
     def camera(self, time: float) -> Camera:
         """Return the camera at a time, s."""
-        if self._camera != "follow":
-            return view(self._camera, self.course, self._ball(time), self._aspect, self._clock + time)
-        at = min(time * CAMERA_RATE, len(self._eyes) - 1.0)
-        k = min(int(at), len(self._eyes) - 2)
-        eye, target = (self._eyes[k] + (at - k) * (self._eyes[k + 1] - self._eyes[k])).tolist()
+        if self._camera_name != "follow":
+            ball = self._ball_position(time)
+            return make_camera(self._camera_name, self.course, ball, self._aspect, self._start_time + time)
+        # Interpolate linearly between the samples of the smoothed path.
+        poses = self._follow_poses
+        sample = min(time * FOLLOW_SAMPLE_RATE, len(poses) - 1.0)
+        k = min(int(sample), len(poses) - 2)
+        eye, target = (poses[k] + (sample - k) * (poses[k + 1] - poses[k])).tolist()
         return Camera(tuple(eye), tuple(target))
 
-    def way(self, points: int) -> Line:
-        """Return the whole way of the ball, as a line of so many points."""
-        moments = np.linspace(0.0, self.time, points)
-        return self._band(moments, (1.0, 1.0, 1.0, 0.15), (1.0, 1.0, 1.0, 0.45))
+    def path_line(self, num_points: int) -> Line:
+        """Return the whole path of the ball as a line of ``num_points`` points."""
+        times = np.linspace(0.0, self.shot_time, num_points)
+        return self._line(times, (1.0, 1.0, 1.0, 0.15), (1.0, 1.0, 1.0, 0.45))
 
-    def _ball(self, time: float) -> FloatArray:
+    def _ball_position(self, time: float) -> FloatArray:
+        """Return the centre of the ball (3,) at a time, s."""
         return np.array([np.interp(time, self._times, self._path[:, k]) for k in range(3)])
 
     @functools.cached_property
-    def _eyes(self) -> FloatArray:
-        """Return eye and target (K, 2, 3) of a following camera, CAMERA_RATE a second: smooth from the putt before."""
-        moments = np.arange(math.ceil(self.duration * CAMERA_RATE) + 1) / CAMERA_RATE
-        balls = [self._ball(time) if time <= self.time else self._lies for time in moments]
-        aims = [view("follow", self.course, ball, self._aspect) for ball in balls]
-        poses = np.array([(aim.eye, aim.target) for aim in aims])
-        if self._before is not None:
-            poses[0] = self._before.eye, self._before.target
-        share = 1.0 - math.exp(-1.0 / (CAMERA_RATE * CAMERA_LAG))
+    def _follow_poses(self) -> FloatArray:
+        """Return eye and target (K, 2, 3) of the following camera, FOLLOW_SAMPLE_RATE per second.
+
+        The path is smooth, also across putts: it starts at the previous putt's camera.
+        """
+        times = np.arange(math.ceil(self.duration * FOLLOW_SAMPLE_RATE) + 1) / FOLLOW_SAMPLE_RATE
+        balls = [self._ball_position(time) if time <= self.shot_time else self._next_position for time in times]
+        cameras = [make_camera("follow", self.course, ball, self._aspect) for ball in balls]
+        poses = np.array([(camera.eye, camera.target) for camera in cameras])
+        if self._previous_camera is not None:
+            poses[0] = self._previous_camera.eye, self._previous_camera.target
+        # Two first-order low-pass filters in a row.
+        gain = 1.0 - math.exp(-1.0 / (FOLLOW_SAMPLE_RATE * FOLLOW_TIME_CONSTANT))
         for _ in range(2):
             for k in range(1, len(poses)):
-                poses[k] = poses[k - 1] + share * (poses[k] - poses[k - 1])
+                poses[k] = poses[k - 1] + gain * (poses[k] - poses[k - 1])
         return poses
 
     def _trail(self, time: float) -> tuple[Line, ...]:
-        """Return the last of the way, which fades at the end of the putt."""
-        now = min(time, self.time)
-        fade = 1.0 - (time - now) / PAUSE
-        if fade <= 0.0 or now == 0.0:
+        """Return the most recent part of the ball's path, which fades after the end of the putt; none when faded."""
+        end = min(time, self.shot_time)
+        opacity = 1.0 - (time - end) / PAUSE_AFTER_PUTT
+        if opacity <= 0.0 or end == 0.0:
             return ()
-        moments = np.linspace(max(0.0, now - TRAIL), now, 40)
-        return (self._band(moments, (1.0, 1.0, 1.0, 0.0), (1.0, 1.0, 1.0, 0.45 * fade)),)
+        times = np.linspace(max(0.0, end - TRAIL_DURATION), end, 40)
+        return (self._line(times, (1.0, 1.0, 1.0, 0.0), (1.0, 1.0, 1.0, 0.45 * opacity)),)
 
-    def _band(self, moments: FloatArray, start: Color, end: Color) -> Line:
-        points = np.stack([np.interp(moments, self._times, self._path[:, k]) for k in range(3)], axis=-1)
+    def _line(self, times: FloatArray, start_color: Color, end_color: Color) -> Line:
+        """Return the path at some times as a line just above the ground."""
+        points = np.stack([np.interp(times, self._times, self._path[:, k]) for k in range(3)], axis=-1)
         points[:, 2] -= 0.9 * self.course.ball_radius
-        return Line(points, 2.0 * TRAIL_WIDTH * self.course.ball_radius, start, end)
+        return Line(points, 2.0 * TRAIL_WIDTH * self.course.ball_radius, start_color, end_color)
 
 
-def picture_count(time: float, fps: int) -> int:
-    """Return how many pictures a putt has whose ball moves for a time, s, at ``fps`` a second."""
-    return math.ceil((time + PAUSE) * fps)
+def frame_count(shot_time: float, fps: int) -> int:
+    """Return the number of frames of a putt whose ball moves for ``shot_time`` seconds, at ``fps`` per second."""
+    return math.ceil((shot_time + PAUSE_AFTER_PUTT) * fps)
 
 
-def flag_foot(course: Course, ball: FloatArray) -> FloatArray:
-    """Return the foot of the flag's pole (3,), m: on the cup's bottom, or lifted while the ball is near."""
-    foot = flag_at_rest(course)
-    near = 1.0 - min(1.0, math.hypot(ball[0] - foot[0], ball[1] - foot[1]) / FLAG_NEAR)
-    return np.asarray(foot + np.array([0.0, 0.0, FLAG_LIFT * near * near * (3.0 - 2.0 * near)]))
+def flag_position(course: Course, ball: FloatArray) -> FloatArray:
+    """Return the foot (3,) of the flag's pole for a ball (3,), m: in the cup, or lifted while the ball is near."""
+    foot = flag_rest_position(course)
+    closeness = 1.0 - min(1.0, math.hypot(ball[0] - foot[0], ball[1] - foot[1]) / FLAG_LIFT_RADIUS)
+    lift = FLAG_LIFT_HEIGHT * closeness * closeness * (3.0 - 2.0 * closeness)
+    return np.asarray(foot + np.array([0.0, 0.0, lift]))
 
 
-def _rolling(path: FloatArray, radius: float, turn: FloatArray) -> FloatArray:
-    """Return how a ball that rolls along a path without slipping has turned (T, 3, 3), from ``turn`` on."""
-    way = np.diff(path, axis=0)
-    length = np.linalg.norm(way[:, :2], axis=1)
-    x, y = (-way[:, 1], way[:, 0]) / np.maximum(length, 1e-12)
-    sin, cos = np.sin(length / radius), 1.0 - np.cos(length / radius)
+def _rolling_rotations(path: FloatArray, radius: float, start: FloatArray) -> FloatArray:
+    """Return the rotations (T, 3, 3) of a ball that rolls along a path (T, 3) without slipping, from ``start`` on."""
+    # Axis and angle of each step; the axis is horizontal.
+    steps = np.diff(path, axis=0)
+    lengths = np.linalg.norm(steps[:, :2], axis=1)
+    x, y = (-steps[:, 1], steps[:, 0]) / np.maximum(lengths, 1e-12)
+    sine = np.sin(lengths / radius)
+    versine = 1.0 - np.cos(lengths / radius)
+    # Rodrigues' formula.
     zero = np.zeros_like(x)
-    # Rodrigues' formula for a level axis.
-    axis = np.stack([zero, zero, y, zero, zero, -x, -y, x, zero], axis=-1).reshape(-1, 3, 3)
-    steps = np.eye(3) + sin[:, None, None] * axis + cos[:, None, None] * (axis @ axis)
-    turns = np.empty((len(path), 3, 3))
-    turns[0] = turn
-    for k, step in enumerate(steps):
-        turns[k + 1] = step @ turns[k]
-    return np.asarray(turns)
+    cross = np.stack([zero, zero, y, zero, zero, -x, -y, x, zero], axis=-1).reshape(-1, 3, 3)
+    increments = np.eye(3) + sine[:, None, None] * cross + versine[:, None, None] * (cross @ cross)
+    rotations = np.empty((len(path), 3, 3))
+    rotations[0] = start
+    for k, increment in enumerate(increments):
+        rotations[k + 1] = increment @ rotations[k]
+    return np.asarray(rotations)

@@ -1,223 +1,165 @@
-"""A window that shows putts in real time, or in its multiples: frames are dropped, never simulated time."""
+"""A window that shows putts in real time or in a multiple of it: frames are dropped, never simulated time."""
 
 from __future__ import annotations
 
 import math
 import os
-import sys
-import threading
 import time
 import weakref
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from minigolf_env.courses import Course
 from minigolf_env.rendering.camera import Camera
-from minigolf_env.rendering.episode_renderer import Settings
-from minigolf_env.rendering.errors import RenderingError
-from minigolf_env.rendering.gl.context import INSTALL, check_process, for_windows
+from minigolf_env.rendering.gl.context import check_process, egl_released
+from minigolf_env.rendering.gl.window_context import open_window
+from minigolf_env.rendering.image import Image
 from minigolf_env.rendering.replay import Replay
-from minigolf_env.rendering.scene_state import Frame
+from minigolf_env.rendering.scene_state import SceneState
+from minigolf_env.rendering.settings import RenderSettings
 
 if TYPE_CHECKING:
-    from minigolf_env.rendering.gl.objects import Target
+    from minigolf_env.rendering.gl.buffers import Framebuffer
 
-Picture = NDArray[np.uint8]
+SOFTWARE_DRIVERS = ("llvmpipe", "softpipe", "swrast", "SwiftShader")
+"""Names of OpenGL drivers that draw without a GPU."""
 
-SOFTWARE = ("llvmpipe", "softpipe", "swrast", "SwiftShader")
-"""Names of renderers without a GPU."""
-
-NEEDED_BY = "window (of `minigolf play` or render_mode 'human')"
-"""What messages say of a window that cannot be opened."""
-
-TICK = 1.0 / 120.0
-"""Frames are at least this far apart, s."""
+MIN_FRAME_INTERVAL = 1.0 / 120.0
+"""Shortest time between two frames of a replay, s."""
 
 
 class Window:
-    """A window on a course. Closed by its user, it stays closed and everything it is told to show passes unseen.
+    """A window on a course. After its user has closed it, all that it is asked to show is ignored.
 
     Args:
         course: the course.
         settings: size, camera, profile and speed.
-        options: of pyglet's window.
+        options: further arguments of pyglet's window.
 
     Raises:
         RenderingError: there is no display, or no OpenGL on it.
     """
 
-    def __init__(self, course: Course, settings: Settings, **options: Any) -> None:
+    def __init__(self, course: Course, settings: RenderSettings, **options: Any) -> None:
         self.course = course
-        """What is shown; it may be changed."""
+        """The course that is shown; it may be changed."""
         self.overlay: Callable[[], None] | None = None
-        """Called after each picture, to draw over it in the window's context."""
-        self._speed, self._aspect = settings.speed, settings.aspect
-        self._process = os.getpid()
-        self._fits = False
-        self._shown: tuple[Camera, Frame] | None = None
-        self._drawn: Target | None = None
-        with for_windows():
+        """Function that is called after each image, to draw over it in the window's context."""
+        self._speed = settings.speed
+        self._aspect = settings.aspect
+        self._process_id = os.getpid()
+        self._keeps_width = False
+        """The camera is widened when the window becomes narrower than the settings say."""
+        self._shown: tuple[Camera, SceneState] | None = None
+        self._framebuffer: Framebuffer | None = None
+        with egl_released():
             self.window = open_window(settings.size, f"minigolf: {course.name}", **options)
-            from minigolf_env.rendering.gl.renderer import Renderer, renderer_name
+            from minigolf_env.rendering.gl.renderer import Renderer, driver_name
 
             self.window.switch_to()
             self._renderer = Renderer()
-            software = any(name in renderer_name() for name in SOFTWARE)
-        self._profile = {"auto": "fast" if software else "high"}.get(settings.profile, settings.profile)
+            has_no_gpu = any(name in driver_name() for name in SOFTWARE_DRIVERS)
+        self._profile = {"auto": "fast" if has_no_gpu else "high"}.get(settings.profile, settings.profile)
         redraw = weakref.WeakMethod(self._redraw)
-        self.window.push_handlers(on_expose=lambda: _call(redraw), on_resize=lambda width, height: None)
-        weakref.finalize(self, _close, self.window, self._process)
+        self.window.push_handlers(on_expose=lambda: _call_if_alive(redraw), on_resize=lambda width, height: None)
+        weakref.finalize(self, _close, self.window, self._process_id)
 
     @property
     def is_open(self) -> bool:
-        """Whether its user has not closed it."""
+        """Return whether the window is open: neither its user nor ``close`` has closed it."""
         return self.window is not None and not self.window.has_exit
 
-    def enter(self, course: Course) -> None:
+    def set_course(self, course: Course) -> None:
         """Show another course from now on."""
         if course is not self.course:
             self.course = course
             if self.is_open:
                 self.window.set_caption(f"minigolf: {course.name}")
 
-    def show(self, camera: Camera, frame: Frame) -> None:
-        """Show a moment, all that the camera was to show, and let the window's user do things.
+    def present(self, camera: Camera, state: SceneState) -> None:
+        """Show a scene state with the whole width of the camera's view, and handle the events of the window's user.
 
         Raises:
-            RenderingError: in a process that was forked from the one that opened the window.
+            RenderingError: this process was forked from the one that opened the window.
         """
-        check_process(self._process)
-        self._fits = True
-        self.draw(camera, frame)
+        check_process(self._process_id)
+        self._keeps_width = True
+        self.draw(camera, state)
         if not self.is_open:
             return
-        with for_windows():
+        with egl_released():
             self.window.dispatch_events()
             if self.window.has_exit:
                 self.close()
 
-    def draw(self, camera: Camera, frame: Frame) -> None:
-        """Show a moment."""
-        self._shown = camera, frame
-        with for_windows():
+    def draw(self, camera: Camera, state: SceneState) -> None:
+        """Show a scene state."""
+        self._shown = camera, state
+        with egl_released():
             self._redraw()
 
-    def picture(self, size: tuple[int, int]) -> Picture | None:
-        """Return what is shown, without the overlay, as a picture (height, width, 3); None if there is nothing."""
+    def capture(self, size: tuple[int, int]) -> Image | None:
+        """Return what is shown, without the overlay, as an image (height, width, 3); None if nothing is shown."""
         if not self.is_open or self._shown is None:
             return None
-        with for_windows():
+        with egl_released():
             self.window.switch_to()
-            if self._drawn is None or self._drawn.size != size:
-                self._drawn = self._renderer.draw(self.course, *self._shown, size, self._profile)
-            return self._drawn.read()
+            if self._framebuffer is None or self._framebuffer.size != size:
+                self._framebuffer = self._renderer.draw(self.course, *self._shown, size, self._profile)
+            return self._framebuffer.read()
 
     def play(self, replay: Replay) -> None:
-        """Show a putt, and return when it has ended or the window is closed."""
-        start = shown = time.perf_counter()
-        now = 0.0
-        while self.is_open and now < replay.duration:
-            self.show(*replay.at(now))
-            time.sleep(max(0.0, shown + TICK - time.perf_counter()))
-            shown = time.perf_counter()
-            now = (shown - start) * self._speed
+        """Show a putt; return when it has ended or the window is closed."""
+        start_time = last_frame_time = time.perf_counter()
+        replay_time = 0.0
+        while self.is_open and replay_time < replay.duration:
+            self.present(*replay.view(replay_time))
+            time.sleep(max(0.0, last_frame_time + MIN_FRAME_INTERVAL - time.perf_counter()))
+            last_frame_time = time.perf_counter()
+            replay_time = (last_frame_time - start_time) * self._speed
         if self.is_open:
-            self.show(*replay.at(replay.duration))
+            self.present(*replay.view(replay.duration))
 
     def close(self) -> None:
         """Close the window."""
         if self.window is not None:
-            _close(self.window, self._process)
+            _close(self.window, self._process_id)
         self.window = None
 
     def _redraw(self) -> None:
+        """Draw the present scene state again, as when the window is exposed or resized."""
         if not self.is_open or self._shown is None:
             return
         self.window.switch_to()
         size = self.window.get_framebuffer_size()
         if min(size) < 1:
-            return  # Put away.
-        camera, frame = self._shown
-        if self._fits:
-            camera = _widened(camera, max(1.0, self._aspect * size[1] / size[0]))
-        self._drawn = self._renderer.draw(self.course, camera, frame, size, self._profile)
-        self._drawn.show(*size)
+            return  # The window is minimized.
+        camera, state = self._shown
+        if self._keeps_width:
+            camera = _widen(camera, max(1.0, self._aspect * size[1] / size[0]))
+        self._framebuffer = self._renderer.draw(self.course, camera, state, size, self._profile)
+        self._framebuffer.blit_to_window(*size)
         if self.overlay is not None:
             self.overlay()
         self.window.flip()
 
 
-def _close(window: Any, process: int) -> None:
+def _close(window: Any, process_id: int) -> None:
     """Close pyglet's window in the process that opened it; a forked child leaves its parent's open."""
-    if os.getpid() == process:
-        with for_windows():
+    if os.getpid() == process_id:
+        with egl_released():
             window.close()
 
 
-def _call(method: weakref.WeakMethod[Callable[[], None]]) -> None:
-    """Call a method of what is perhaps no longer there: a window that nobody holds is closed."""
-    found = method()
-    if found is not None:
-        found()
+def _call_if_alive(method: weakref.WeakMethod[Callable[[], None]]) -> None:
+    """Call a method unless its object is gone: pyglet's handlers do not keep a window alive."""
+    alive = method()
+    if alive is not None:
+        alive()
 
 
-def _widened(camera: Camera, times: float) -> Camera:
-    """Return a camera that sees so many times more, as a picture that has become narrower needs it."""
-    slope = times * math.tan(math.radians(camera.fov) / 2.0)
-    return camera if times == 1.0 else replace(camera, fov=math.degrees(2.0 * math.atan(slope)))
-
-
-class HiddenWindow:
-    """The context of a window that is never seen: for pictures where there is no EGL (macOS, Windows).
-
-    Raises:
-        RenderingError: there is no display, or no OpenGL on it.
-    """
-
-    def __init__(self) -> None:
-        self._process, self._lock = os.getpid(), threading.RLock()
-        with for_windows():
-            self._window = open_window((1, 1), "minigolf", visible=False)
-
-    @contextmanager
-    def current(self) -> Iterator[None]:
-        """Make it current within a ``with`` block.
-
-        Raises:
-            RenderingError: in a process that was forked from the one that made it.
-        """
-        check_process(self._process)
-        with self._lock, for_windows():
-            self._window.switch_to()
-            yield
-
-
-def open_window(size: tuple[int, int], caption: str, **options: Any) -> Any:
-    """Return a pyglet window with an OpenGL 3.3 context.
-
-    Raises:
-        RenderingError: there is no display, or no OpenGL on it.
-    """
-    if sys.platform == "linux" and not os.environ.get("DISPLAY"):
-        raise RenderingError(
-            f"{NEEDED_BY}: expected a display, found none (DISPLAY is not set); run on a desktop, under "
-            "`xvfb-run -s '-screen 0 1280x1024x24'` (apt-get install xvfb), or use render_mode='rgb_array'."
-        )
-    try:
-        import pyglet
-
-        pyglet.options["shadow_window"] = False
-        from pyglet import gl
-
-        # The annotations call Config abstract; it is the template that pyglet's manual says to make.
-        config: Any = gl.Config(double_buffer=True, major_version=3, minor_version=3)  # type: ignore[abstract]
-        return pyglet.window.Window(*size, caption=caption, resizable=True, config=config, vsync=False, **options)
-    except Exception as error:  # pyglet raises what its platform's libraries do.
-        raise RenderingError(
-            f"{NEEDED_BY}: no window can be opened: {type(error).__name__}: {error}. {INSTALL}"
-        ) from error
+def _widen(camera: Camera, factor: float) -> Camera:
+    """Return a camera whose view is larger by a factor in both directions."""
+    slope = factor * math.tan(math.radians(camera.fov) / 2.0)
+    return camera if factor == 1.0 else replace(camera, fov=math.degrees(2.0 * math.atan(slope)))

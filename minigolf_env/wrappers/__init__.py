@@ -1,4 +1,4 @@
-"""Wrappers of the environment; those of the vector environment are in ``minigolf_env.wrappers.vector``."""
+"""Wrappers of the environment."""
 
 from minigolf_env.wrappers.record_video import RecordVideo
 

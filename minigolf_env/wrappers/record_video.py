@@ -1,40 +1,60 @@
-"""RecordVideo: videos of episodes in which every putt is seen from beginning to end."""
+"""RecordVideo: videos of episodes that show every putt from beginning to end."""
 
 from __future__ import annotations
 
+import gc
+import os
+import sys
+from collections.abc import Callable
+from glob import escape
 from pathlib import Path
 from typing import Any, SupportsFloat
 
 import gymnasium as gym
 
+from minigolf_env._validation import integer
 from minigolf_env.envs import MiniGolfEnv
 from minigolf_env.envs.minigolf import Action, Observation
-from minigolf_env.wrappers.recorder import RECORDABLE, Recorder, Trigger
+from minigolf_env.rendering import Image
+from minigolf_env.rendering.video_writer import VideoWriter, check_fps
+
+Trigger = Callable[[int], bool]
+RECORDABLE_MODES = ("rgb_array", "rgb_array_list")
+
+
+def capped_cubic_schedule(episode: int) -> bool:
+    """Return whether an episode is 0, 1, 8, 27, ... 1000, 2000, ...
+
+    Gymnasium's default schedule; its module requires moviepy.
+    """
+    return round(episode ** (1 / 3)) ** 3 == episode if episode < 1000 else episode % 1000 == 0
 
 
 class RecordVideo(gym.Wrapper[Observation, Action, Observation, Action], gym.utils.RecordConstructorArgs):
-    """Records videos of episodes as ``gymnasium.wrappers.RecordVideo`` does, but of each putt all pictures.
+    """Records videos of episodes as ``gymnasium.wrappers.RecordVideo`` does, with all frames of each putt.
 
-    A step of MiniGolf-v0 is a whole putt, of which Gymnasium's wrapper keeps one picture. The files are named the same,
-    ``rl-video-episode-0.mp4`` or ``rl-video-step-0.mp4``; ``render()`` is not disturbed, and nothing is drawn for steps
-    that are not recorded. Pictures go to the file as they are drawn. ``close()`` finishes the last video.
+    A step of MiniGolf-v0 is a whole putt, of which Gymnasium's wrapper records one frame. The files have the same
+    names, ``rl-video-episode-0.mp4`` or ``rl-video-step-0.mp4``. ``render()`` returns what it does without the wrapper.
+    Nothing is drawn for steps that are not recorded. Frames are written as they are drawn; ``close()`` finishes the
+    last video. A copy of the wrapper continues to count episodes and steps, and does not record.
+
+    For a batch, ``minigolf_env.rendering.tile_sequences`` puts the frames of all environments side by side.
 
     Args:
-        env: MiniGolf-v0, perhaps wrapped, with a render mode that makes pictures.
-        video_folder: where the videos go; made if it is not there.
-        episode_trigger: says of the n-th episode, from 0, whether a video begins with it.
-        step_trigger: says of the n-th step, from 0, over all episodes, whether a video begins with its putt. With
-            neither, videos are of episodes 0, 1, 8, 27, ... 1000, 2000, ...
-        video_length: pictures in a video, which then goes on over episodes; 0: up to the end of the episode.
-        name_prefix: of the files' names.
-        fps: pictures a second; None: the environment's 30. Time runs true at any.
-        disable_logger: False: each finished video is named on stderr.
-        gc_trigger: says after which episode's video to collect garbage.
+        env: MiniGolf-v0, possibly wrapped, with render_mode "rgb_array" or "rgb_array_list".
+        video_folder: folder of the videos; it is created if it does not exist.
+        episode_trigger: function of the episode's number, from 0: whether a video begins with this episode.
+        step_trigger: function of the step's number, from 0 over all episodes: whether a video begins with this step.
+            With neither trigger, episodes 0, 1, 8, 27, ... 1000, 2000, ... are recorded.
+        video_length: number of frames in a video, which then continues over episodes; 0: up to the end of the episode.
+        name_prefix: beginning of the files' names.
+        fps: frames per second; None: the environment's 30. Videos play in real time at any value.
+        disable_logger: False: print the path of each finished video to stderr.
+        gc_trigger: function of the episode's number: whether to collect garbage after its video.
 
     Raises:
-        ValueError: the environment is another, its render mode makes no pictures, or an argument is not what it should
-            be.
-        OSError: the folder cannot be made, or a video not be written.
+        ValueError: the environment is not MiniGolf-v0, its render mode returns no images, or an argument is invalid.
+        OSError: the folder cannot be created, or a video cannot be written.
     """
 
     def __init__(
@@ -61,61 +81,128 @@ class RecordVideo(gym.Wrapper[Observation, Action, Observation, Action], gym.uti
             gc_trigger=gc_trigger,
         )
         gym.Wrapper.__init__(self, env)
-        golf = env.unwrapped
-        if not isinstance(golf, MiniGolfEnv):
-            raise ValueError(
-                f"env: expected MiniGolf-v0, perhaps wrapped, received {golf}; "
-                "gymnasium.wrappers.RecordVideo records other environments."
-            )
-        if golf.render_mode not in RECORDABLE:
-            raise ValueError(
-                f"env: expected a render_mode that makes pictures, one of {RECORDABLE}, received {golf.render_mode!r}; "
-                "make the environment with render_mode='rgb_array'."
-            )
-        if fps is None:
-            fps = int(golf.metadata["render_fps"])
-        self._recorder = Recorder(
-            video_folder, episode_trigger, step_trigger, video_length, name_prefix, fps, disable_logger, gc_trigger
-        )
-        self._mirror = golf.screen.mirror()
+        base_env = _require_minigolf(env)
+        # Check the arguments before anything is written.
+        integer(video_length, "video_length", 0, hint="give a number of frames, or 0 for whole episodes.")
+        self.fps = check_fps(int(base_env.metadata["render_fps"]) if fps is None else fps, Path(".mp4"))
+        if episode_trigger is None and step_trigger is None:
+            episode_trigger = capped_cubic_schedule
+        self._episode_trigger = episode_trigger
+        self._step_trigger = step_trigger
+        self._gc_trigger = gc_trigger
+        self._video_length = video_length
+        self._name_prefix = name_prefix
+        self._is_quiet = disable_logger
+        self._episode = -1
+        self._step = -1
+        self._video_name: str | None = None
+        self._writer: VideoWriter | None = None
+        self._folder = Path(video_folder).expanduser().absolute()
+        self._folder.mkdir(parents=True, exist_ok=True)
+        if any(self._folder.glob(f"{escape(name_prefix)}-*.mp4")):
+            gym.logger.warn(f"{self._folder} has videos named {name_prefix}-*.mp4, which new ones replace.")
+        # A renderer of its own receives the same putts as the environment's.
+        self._renderer = base_env.renderer.subscribe()
 
     @property
     def recording(self) -> bool:
-        """Whether a video is being recorded."""
-        return self._recorder.name is not None
+        """Return whether a video is being recorded."""
+        return self._video_name is not None
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Reset the environment; perhaps a video ends, and one begins with the ball on the tee."""
+        """Reset the environment; end the episode's video, and begin another if the trigger asks for it."""
         observation, info = self.env.reset(seed=seed, options=options)
-        self._recorder.next_episode()
+        self._episode += 1
+        if self._video_length == 0:
+            self.stop_recording()
+        if self._episode_trigger is not None and self._episode_trigger(self._episode):
+            self.start_recording(f"{self._name_prefix}-episode-{self._episode}")
         self._capture()
         return observation, info
 
     def step(self, action: Action) -> tuple[Observation, SupportsFloat, bool, bool, dict[str, Any]]:
-        """Play a putt; if a video is being recorded or begins, it gets the pictures of the putt."""
+        """Play a putt, and record its frames if a video is being recorded or begins with it."""
         result = self.env.step(action)
-        self._recorder.next_step()
+        self._step += 1
+        if self._step_trigger is not None and self._step_trigger(self._step):
+            self.start_recording(f"{self._name_prefix}-step-{self._step}")
         self._capture()
         return result
 
     def start_recording(self, video_name: str) -> None:
-        """Begin a video of that name, without its ending; one that was being recorded ends."""
-        self._recorder.start(video_name)
+        """Begin a video of a name, without its suffix; a video that is being recorded ends."""
+        self.stop_recording()
+        self._video_name = video_name
 
     def stop_recording(self) -> None:
         """Finish the video, if one is being recorded."""
-        self._recorder.stop()
+        writer, self._writer = self._writer, None
+        self._video_name = None
+        if writer is None:
+            return
+        writer.close()
+        if not self._is_quiet:
+            print(f"{writer.path}: {writer.num_frames / writer.fps:.1f} s", file=sys.stderr)
+        if self._gc_trigger is not None and self._gc_trigger(self._episode):
+            gc.collect()
 
     def close(self) -> None:
         """Finish the video and close the environment."""
         try:
-            self._recorder.stop()
+            self.stop_recording()
         finally:
             self.env.close()
 
     def _capture(self) -> None:
-        if self.recording:
-            self._recorder.take(self._mirror.film(self._recorder.fps))
-        self._mirror.forget()
+        """Add the frames of the last step to the video, until that has its length; drop them without a video."""
+        try:
+            for frame in self._renderer.iter_frames(self.fps) if self.recording else ():
+                self._add_frame(frame)
+                if not self.recording:
+                    break
+        except BaseException:
+            # A video whose writer failed has ended.
+            if self._writer is None or not self._writer.discard.alive:
+                self._writer = None
+                self._video_name = None
+            raise
+        self._renderer.skip()
+
+    def _add_frame(self, frame: Image) -> None:
+        """Add a frame to the video, whose file is opened at the first."""
+        if self._writer is None:
+            height, width, _ = frame.shape
+            self._writer = VideoWriter(self._folder / f"{self._video_name}.mp4", (width, height), self.fps)
+        self._writer.add(frame)
+        if 0 < self._video_length <= self._writer.num_frames:
+            self.stop_recording()
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the state of a copy, which does not record."""
+        return {**self.__dict__, "_writer": None, "_video_name": None}
+
+    def __del__(self) -> None:
+        """Warn about a video that is lost; a fork loses none, as its parent writes it."""
+        writer = self.__dict__.get("_writer")
+        if writer is not None and writer.process_id == os.getpid():
+            gym.logger.warn(
+                f"The video {self._video_name} was not finished and is lost: call close() on the environment."
+            )
+
+
+def _require_minigolf(env: gym.Env[Observation, Action]) -> MiniGolfEnv:
+    """Return the environment without wrappers, or raise a ValueError if it cannot be recorded."""
+    base_env = env.unwrapped
+    if not isinstance(base_env, MiniGolfEnv):
+        raise ValueError(
+            f"env: expected MiniGolf-v0, possibly wrapped, received {base_env}; "
+            "gymnasium.wrappers.RecordVideo records other environments."
+        )
+    if base_env.render_mode not in RECORDABLE_MODES:
+        raise ValueError(
+            f"env: expected a render_mode that returns images, one of {RECORDABLE_MODES}, "
+            f"received {base_env.render_mode!r}; make the environment with render_mode='rgb_array'."
+        )
+    return base_env

@@ -16,7 +16,7 @@ from minigolf_env import cli
 from minigolf_env.apps.record_policy import record_policy
 from minigolf_env.envs import MiniGolfEnv
 from minigolf_env.players.policies import RandomPolicy
-from minigolf_env.rendering import PAUSE, RenderingError
+from minigolf_env.rendering import PAUSE_AFTER_PUTT, RenderingError
 from minigolf_env.rendering.video_writer import VideoWriter
 from tests.videos import decode
 
@@ -168,7 +168,7 @@ def _umask(folder: Path) -> int:
     [
         ("a.avi", SIZE, FPS, "'.mp4', '.gif'"),
         ("a.mp", SIZE, FPS, "did you mean '.mp4'"),
-        ("a", SIZE, FPS, "the ending"),
+        ("a", SIZE, FPS, "the suffix"),
         ("file/a.mp4", SIZE, FPS, "is not a folder; choose another folder"),
         ("folder.mp4", SIZE, FPS, "something else of that name"),
         ("a.mp4", (0, 48), FPS, "width and height"),
@@ -191,18 +191,18 @@ def test_arguments_that_are_refused(tmp_path: Path, name: str, size: Any, fps: A
 def test_pictures_of_another_size_are_refused(tmp_path: Path, shape: tuple[int, ...]) -> None:
     """So is a video without pictures."""
     with (
-        pytest.raises(ValueError, match="picture: expected uint8 of shape"),
+        pytest.raises(ValueError, match="frame: expected uint8 of shape"),
         VideoWriter(tmp_path / "a.mp4", SIZE, 5) as w,
     ):
         w.add(np.zeros(shape, np.uint8))
-    with pytest.raises(ValueError, match="at least one picture"), VideoWriter(tmp_path / "a.mp4", SIZE, FPS):
+    with pytest.raises(ValueError, match="at least one frame"), VideoWriter(tmp_path / "a.mp4", SIZE, FPS):
         pass
     assert list(tmp_path.iterdir()) == []
 
 
 def test_ffmpeg_that_fails_says_why(tmp_path: Path, broken_ffmpeg: None) -> None:
     """Its last words and a remedy; no file stays."""
-    with pytest.raises(OSError, match=r"exit code 28.*No space left on device; make room"):
+    with pytest.raises(OSError, match=r"exit code 28.*No space left on device; free space"):
         write(tmp_path / "a.mp4")
     assert [path.name for path in tmp_path.iterdir()] == ["ffmpeg"]
 
@@ -210,7 +210,7 @@ def test_ffmpeg_that_fails_says_why(tmp_path: Path, broken_ffmpeg: None) -> None
 def test_ffmpeg_that_dies_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A broken pipe becomes the same kind of error."""
     monkeypatch.setenv("IMAGEIO_FFMPEG_EXE", "/bin/false")
-    with pytest.raises(OSError, match=r"ffmpeg failed \(exit code 1\): it said nothing"):
+    with pytest.raises(OSError, match=r"ffmpeg failed \(exit code 1\): no message"):
         write(tmp_path / "a.mp4", 100)
     assert list(tmp_path.iterdir()) == []
 
@@ -244,7 +244,7 @@ def test_film_shows_every_putt(
         over, total = False, total + 1
         while not over:
             observation, _, over, _, info = env.step(player.act(observation, env))
-            total += math.ceil((info["shot_time"] + PAUSE) * FPS)
+            total += math.ceil((info["shot_time"] + PAUSE_AFTER_PUTT) * FPS)
         strokes.append(f"{info['strokes']}" + ("" if info["is_success"] else " (not holed)"))
     shown = decode(path, SIZE)
     assert len(shown) == total

@@ -36,7 +36,7 @@ def test_the_page_has_a_block_for_each_library() -> None:
     names = (
         "FrameStackObservation",
         "wrappers.vector import Norm",
-        "RecordVideos",
+        "tile_sequences",
         "forkserver",
         '"MiniGolf-v0", n_',
         "VecMon",

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 import minigolf_env  # noqa: F401 (registers the environments)
 from minigolf_env.envs import MiniGolfEnv, MiniGolfVectorEnv
 from minigolf_env.envs.observations.pixels import IMAGE_SIZE
-from minigolf_env.rendering import FPS, RenderingError
+from minigolf_env.rendering import RENDER_FPS, RenderingError
 
 pytestmark = pytest.mark.usefixtures("gl")
 
@@ -26,7 +26,7 @@ PUTT = np.array([0.3, 0.1], np.float32)
 
 def frames_of(shot_time: float) -> int:
     """Return how many pictures a putt has, with the pause after it."""
-    return int(np.ceil((shot_time + 0.6) * FPS))
+    return int(np.ceil((shot_time + 0.6) * RENDER_FPS))
 
 
 @pytest.mark.parametrize("camera", ["follow", "top", "tee", "orbit"])
@@ -42,7 +42,7 @@ def test_rgb_array_is_a_picture_of_the_present_state(camera: str) -> None:
 
 
 def test_rgb_array_list_has_every_picture_since_the_last_call() -> None:
-    """One of the tee, then FPS a second of each putt; then it is empty; a reset begins anew."""
+    """One of the tee, then RENDER_FPS a second of each putt; then it is empty; a reset begins anew."""
     env = MiniGolfEnv(render_mode="rgb_array_list", **SMALL)
     env.reset(seed=0)
     assert len(env.render()) == 1 and env.render() == []
@@ -86,7 +86,7 @@ def test_without_a_render_mode_render_is_none_and_nothing_is_kept() -> None:
     env.reset(seed=0)
     env.step(PUTT)
     assert env.render() is None
-    assert env.screen._unseen == []
+    assert env.renderer._pending == []
 
 
 def test_render_before_reset_says_so() -> None:

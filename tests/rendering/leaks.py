@@ -40,7 +40,7 @@ def environments(times: int) -> Growth:
     def act(k: int) -> None:
         size = 32 + k % 12
         env = MiniGolfEnv(
-            render_mode="rgb_array", render_size=(size, size), render_profile="fast", camera=CAMERAS[k % 3]
+            render_mode="rgb_array", render_size=(size, size), render_profile="fast", camera=CAMERAS_IN_TURN[k % 3]
         )
         env.reset(seed=k)
         env.render()
@@ -63,7 +63,7 @@ def pictures(times: int) -> Growth:
     return growth(act, times)
 
 
-CAMERAS = ("follow", "top", "tee")
+CAMERAS_IN_TURN = ("follow", "top", "tee")
 
 
 def _megabytes() -> float:

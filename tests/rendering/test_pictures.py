@@ -14,15 +14,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import PIL.Image
 import pytest
-from PIL import Image
 
 from minigolf_env.courses import load_course
-from minigolf_env.rendering import Frame, Line, RenderingError, flag_at_rest
-from minigolf_env.rendering.camera import Camera, view
+from minigolf_env.rendering import Image, Line, RenderingError, SceneState, flag_rest_position
+from minigolf_env.rendering.camera import Camera, make_camera
 from minigolf_env.rendering.gl import context as gl_context
-from minigolf_env.rendering.offscreen import Picture, Studio, draw, studio
-from minigolf_env.rendering.replay import flag_foot
+from minigolf_env.rendering.gl.offscreen import OffscreenRenderer, draw, get_offscreen_renderer
+from minigolf_env.rendering.replay import flag_position
 
 pytestmark = pytest.mark.usefixtures("gl")
 
@@ -36,20 +36,22 @@ ALIKE = 0.75
 """Mean difference (of 255) that pictures of other graphics libraries may have; a missing ball differs by more."""
 
 
-def moment(ball: tuple[float, float] = (0.6, 0.4)) -> Frame:
+def moment(ball: tuple[float, float] = (0.6, 0.4)) -> SceneState:
     """Return a ball on the dogleg's felt, with a trail."""
     place = np.array([*ball, DOGLEG.ball_radius])
     way = np.linspace(place - [0.3, 0.1, 0.019], place - [0, 0, 0.019], 12)
-    return Frame(place, np.eye(3), flag_foot(DOGLEG, place), (Line(way, 0.02, (1, 1, 1, 0.1), (1, 1, 1, 0.5)),))
+    return SceneState(
+        place, np.eye(3), flag_position(DOGLEG, place), (Line(way, 0.02, (1, 1, 1, 0.1), (1, 1, 1, 0.5)),)
+    )
 
 
-def picture(frame: Frame | None = None, camera: str = "follow", profile: str = "high") -> Picture:
+def picture(frame: SceneState | None = None, camera: str = "follow", profile: str = "high") -> Image:
     """Return a picture of the dogleg."""
     frame = moment() if frame is None else frame
-    return draw(DOGLEG, view(camera, DOGLEG, frame.ball, SIZE[0] / SIZE[1]), frame, SIZE, profile)
+    return draw(DOGLEG, make_camera(camera, DOGLEG, frame.ball, SIZE[0] / SIZE[1]), frame, SIZE, profile)
 
 
-def difference(a: Picture, b: Picture) -> float:
+def difference(a: Image, b: Image) -> float:
     """Return how much two pictures differ where they differ most: the largest mean over tiles of 12 x 12 pixels."""
     away = np.abs(a.astype(float) - b).mean(axis=2)
     return float(away.reshape(SIZE[1] // 12, 12, SIZE[0] // 12, 12).mean(axis=(1, 3)).max())
@@ -70,7 +72,7 @@ def digest(code: str, **environment: str) -> str:
     return done.stdout.strip()
 
 
-def fingerprint(*pictures: Picture) -> str:
+def fingerprint(*pictures: Image) -> str:
     """Return a hash of pictures."""
     return hashlib.sha256(b"".join(map(bytes, pictures))).hexdigest()
 
@@ -97,14 +99,14 @@ def test_the_same_picture_in_another_process_with_other_threads(threads: str) ->
 def test_drawing_only_what_moves_gives_the_same_picture(name: str, camera: str, profile: str) -> None:
     """Balls anywhere, in the air and beside the course, the flag in and out, lines: as if all were drawn."""
     course, rng, size = load_course(name), np.random.default_rng(0), (96, 72)
-    place = view(camera, course, np.zeros(3), 4 / 3)
+    place = make_camera(camera, course, np.zeros(3), 4 / 3)
     lower, upper = np.array(course.bounds)
     for k in range(8):
         ball = rng.uniform(lower, upper)
         line = Line(rng.uniform(lower, upper, (4, 3)), 0.03, (1, 0, 0, 0.8), (1, 1, 1, 0.3))
-        frame = Frame(ball, np.eye(3), flag_foot(course, ball), (line,) if k % 3 == 0 else (), 1.0 + k % 2)
-        with studio().context.current():
-            expected = studio().renderer().draw(course, place, frame, size, profile).read()
+        frame = SceneState(ball, np.eye(3), flag_position(course, ball), (line,) if k % 3 == 0 else (), 1.0 + k % 2)
+        with get_offscreen_renderer().context.current():
+            expected = get_offscreen_renderer().renderer().draw(course, place, frame, size, profile).read()
         np.testing.assert_array_equal(draw(course, place, frame, size, profile), expected)
 
 
@@ -119,20 +121,20 @@ def test_other_threads_draw_the_same() -> None:
     assert len(drawn) == 4 and all((one == expected).all() for one in drawn)
 
 
-def stored(name: str) -> Picture:
+def stored(name: str) -> Image:
     """Return a picture as it was when it was looked at."""
-    return np.asarray(Image.open(GOLDEN / f"dogleg_{name}.png").convert("RGB"))
+    return np.asarray(PIL.Image.open(GOLDEN / f"dogleg_{name}.png").convert("RGB"))
 
 
-def golden(name: str) -> Picture:
+def golden(name: str) -> Image:
     """Return a stored picture's like: a view's name, "close" (to the ball) or "cup"."""
     if name not in CLOSE:
         return picture(camera=name)
     place, eye = CLOSE[name]
-    frame = moment(place)._replace(flag=flag_at_rest(DOGLEG))
-    studio = Studio()
-    with studio.context.current():
-        return studio.draw((DOGLEG, Camera(eye, (*place, 0.0)), SIZE, "high"), frame)
+    frame = moment(place)._replace(flag=flag_rest_position(DOGLEG))
+    renderer = OffscreenRenderer()
+    with renderer.context.current():
+        return renderer.draw((DOGLEG, Camera(eye, (*place, 0.0)), SIZE, "high"), frame)
 
 
 @pytest.mark.parametrize("name", ["follow", "top", "tee", "orbit", "close", "cup"])
@@ -153,7 +155,7 @@ def test_a_hidden_ball_is_hinted_at() -> None:
     assert 20 < changed.sum() < 0.02 * changed.size
 
 
-def without(what: str) -> Picture:
+def without(what: str) -> Image:
     """Return the followed picture with something missing from it."""
     frame = moment()
     if what == "ball and its shadow":
@@ -172,15 +174,15 @@ def test_the_comparison_notices_what_is_missing(what: str) -> None:
 @pytest.mark.parametrize(
     ("broken", "name", "change"),
     [
-        ("the sun's shadows", "follow", ("direct *= visible(sun_map", "if (false) direct *= visible(sun_map")),
-        ("the sky's shadows", "cup", ("open *= mix(0.1", "if (false) open *= mix(0.1")),
-        ("the ball's shadow", "close", ("direct *= past_ball(place)", "direct *= 1.0")),
-        ("the shade under the ball", "close", ("open = 1.0 - 0.85 * cover", "open = 1.0")),
+        ("the sun's shadows", "follow", ("direct *= light_share(sun_map", "if (false) direct *= light_share(sun_map")),
+        ("the sky's shadows", "cup", ("ambient_share *= mix(0.1", "if (false) ambient_share *= mix(0.1")),
+        ("the ball's shadow", "close", ("direct *= sun_past_ball(p)", "direct *= 1.0")),
+        ("the shade under the ball", "close", ("ambient_share = 1.0 - 0.85 * occlusion", "ambient_share = 1.0")),
         ("the dimples", "close", ("* (skin.rgb * 2.0 - 1.0)), 0.8)", "* (skin.rgb * 2.0 - 1.0)), 0.0)")),
         ("the ball's band", "close", ("mix(vec3(0.80, 0.10, 0.06), vec3(0.93), skin.a)", "vec3(0.93)")),
-        ("the flag's shadow", "cup", ("direct *= past_flag(place)", "direct *= 1.0")),
+        ("the flag's shadow", "cup", ("direct *= sun_past_flag(p)", "direct *= 1.0")),
         ("the cup's depth", "cup", ("if (cup.w > 0.0) albedo", "if (false) albedo")),
-        ("the mown stripes", "top", ("sin(place.x * (PI / 0.22))", "0.0")),
+        ("the mown stripes", "top", ("sin(p.x * (PI / 0.22))", "0.0")),
         ("the grain of the wood", "follow", ("float ring = ", "float ring = 0.0 * ")),
         ("the gloss", "close", ("if (gloss > 0.0)", "if (false)")),
     ],
@@ -189,26 +191,24 @@ def test_the_comparison_notices_broken_shaders(
     broken: str, name: str, change: tuple[str, str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Without one of the lights a stored picture is missed by more than it may be."""
-    from minigolf_env.rendering import offscreen
-    from minigolf_env.rendering.gl import objects as gl_objects
+    from minigolf_env.rendering.gl import offscreen, program
 
-    sources = gl_objects.source
+    sources = program.read_shader
 
     def altered(file: str) -> str:
         text = sources(file)
         assert file != "surface.frag" or change[0] in text, f"surface.frag has changed: {change[0]}"
         return text.replace(*change)
 
-    monkeypatch.setattr(gl_objects, "source", altered)
-    fresh = Studio()
-    monkeypatch.setattr(offscreen, "studio", lambda: fresh)
+    monkeypatch.setattr(program, "read_shader", altered)
+    fresh = OffscreenRenderer()
+    monkeypatch.setattr(offscreen, "get_offscreen_renderer", lambda: fresh)
     assert difference(golden(name), stored(name)) > 4.0 * ALIKE, broken
 
 
 def test_an_interrupted_picture_spoils_no_other(monkeypatch: pytest.MonkeyPatch) -> None:
     """Wherever drawing stops, the next picture is right, and so is that of a course drawn for the first time."""
-    from minigolf_env.rendering.gl import objects as gl_objects
-    from minigolf_env.rendering.gl import renderer as gl_renderer
+    from minigolf_env.rendering.gl import buffers, renderer
 
     expected = picture(), picture(camera="top"), picture(camera="top")
 
@@ -216,10 +216,10 @@ def test_an_interrupted_picture_spoils_no_other(monkeypatch: pytest.MonkeyPatch)
         raise KeyboardInterrupt
 
     for place, method in (
-        (gl_objects.Lines, "draw"),
-        (gl_objects.Mesh, "draw"),
-        (gl_objects.Target, "resolve"),
-        (gl_renderer.Renderer, "_draw_flag"),
+        (buffers.LineStrips, "draw"),
+        (buffers.MeshBuffer, "draw"),
+        (buffers.Framebuffer, "resolve"),
+        (renderer.Renderer, "_draw_flag"),
     ):
         with monkeypatch.context() as patched:
             patched.setattr(place, method, interrupted)
@@ -228,7 +228,7 @@ def test_an_interrupted_picture_spoils_no_other(monkeypatch: pytest.MonkeyPatch)
             with contextlib.suppress(KeyboardInterrupt):  # The flag is not in the part that is drawn again.
                 picture(camera="top")
         course = dataclasses.replace(DOGLEG)
-        again = draw(course, view("follow", course, moment().ball, 4 / 3), moment(), SIZE, "high")
+        again = draw(course, make_camera("follow", course, moment().ball, 4 / 3), moment(), SIZE, "high")
         for now, before in zip((again, picture(camera="top"), picture(camera="top")), expected, strict=True):
             np.testing.assert_array_equal(now, before)
 
@@ -257,28 +257,28 @@ def test_a_display_that_fails_is_passed_over(monkeypatch: pytest.MonkeyPatch) ->
         return found(platform, native)
 
     monkeypatch.setattr(gl_context, "_platform_display", failing)
-    with gl_context.HeadlessContext().current():
+    with gl_context.EGLContext().current():
         pass
 
-    def refuse(self: gl_context.HeadlessContext, display: object) -> None:
+    def refuse(self: gl_context.EGLContext, display: object) -> None:
         raise OSError("bad\nconfiguration")
 
-    monkeypatch.setattr(gl_context.HeadlessContext, "_context_on", refuse)
+    monkeypatch.setattr(gl_context.EGLContext, "_create_context", refuse)
     with pytest.raises(RenderingError, match=r"device 0: OSError: bad device.*surfaceless: OSError: bad configuration"):
-        gl_context.HeadlessContext()
+        gl_context.EGLContext()
 
 
 def test_the_largest_size_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     """Beyond the library's limit there is an error that names it, and the next picture is drawn."""
     with pytest.raises(RenderingError, match="render_size"):
-        draw(DOGLEG, view("top", DOGLEG, np.zeros(3), 1.0), moment(), (100_000, 8))
+        draw(DOGLEG, make_camera("top", DOGLEG, np.zeros(3), 1.0), moment(), (100_000, 8))
     assert picture().shape == (SIZE[1], SIZE[0], 3)
 
 
 def test_the_smallest_size_is_one_pixel() -> None:
     """Odd and tiny sizes have the shape that was asked for."""
     for size in ((1, 1), (3, 7), (101, 33)):
-        assert draw(DOGLEG, view("top", DOGLEG, np.zeros(3), 1.0), moment(), size).shape == (size[1], size[0], 3)
+        assert draw(DOGLEG, make_camera("top", DOGLEG, np.zeros(3), 1.0), moment(), size).shape == (size[1], size[0], 3)
 
 
 def test_a_forked_child_is_told_and_does_not_hang() -> None:
@@ -316,7 +316,7 @@ def refuse(self, name, *rest, **more):
     load(self, name, *rest, **more)
 ctypes.CDLL.__init__ = refuse
 ctypes.util.find_library = lambda name: None if "EGL" in name else name
-try: gl_context.HeadlessContext()
+try: gl_context.EGLContext()
 except RenderingError as error: print(error)
 """
     assert "apt-get install libegl1 libgl1" in digest(f"exec({code!r})")
@@ -326,7 +326,7 @@ def test_a_device_that_is_not_there_is_named(monkeypatch: pytest.MonkeyPatch) ->
     """The variable that chooses one is checked."""
     monkeypatch.setenv(gl_context.DEVICE_VARIABLE, "99")
     with pytest.raises(RenderingError, match=f"{gl_context.DEVICE_VARIABLE}.*99"):
-        gl_context.HeadlessContext()
+        gl_context.EGLContext()
 
 
 def address(pointer: Any) -> int | None:
@@ -338,7 +338,7 @@ def test_other_users_of_opengl_are_not_disturbed() -> None:
     """A context that was current before a picture is current after it, and undamaged."""
     from OpenGL import EGL, GL
 
-    other = gl_context.HeadlessContext()
+    other = gl_context.EGLContext()
     with other.current():
         before = address(EGL.eglGetCurrentContext())
         GL.glClearColor(0.25, 0.5, 0.75, 1.0)
@@ -349,4 +349,4 @@ def test_other_users_of_opengl_are_not_disturbed() -> None:
 
 if __name__ == "__main__":
     for name in ("follow", "top", "tee", "orbit", *CLOSE):
-        Image.fromarray(golden(name)).save(GOLDEN / f"dogleg_{name}.png")
+        PIL.Image.fromarray(golden(name)).save(GOLDEN / f"dogleg_{name}.png")

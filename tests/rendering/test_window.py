@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from minigolf_env.rendering import Camera
-from minigolf_env.rendering.window import _widened
+from minigolf_env.rendering.window import _widen
 
 ROOT = Path(__file__).parents[2]
 
@@ -25,7 +25,7 @@ size = {"render_size": (320, 240), "render_profile": "fast"}
 human = gym.make("MiniGolf-v0", render_mode="human", render_speed=speed, **size)
 array = gym.make("MiniGolf-v0", render_mode="rgb_array", **size)
 putt = np.array([0.25, 0.05], np.float32)
-def window(): return human.unwrapped.screen._window
+def window(): return human.unwrapped.renderer._window
 def grab():
     x, y = window().window.get_location()
     return np.asarray(ImageGrab.grab(xdisplay=display).convert("RGB"))[y:y + 240, x:x + 320]
@@ -69,8 +69,8 @@ def test_a_putt_takes_its_time(display: str) -> None:
     code = """
         human.reset(seed=1)
         shown = []
-        show = window().show
-        window().show = lambda camera, frame: (shown.append(frame.ball), show(camera, frame))
+        show = window().present
+        window().present = lambda camera, frame: (shown.append(frame.ball), show(camera, frame))
         start = time.perf_counter()
         info = human.step(putt)[4]
         assert time.perf_counter() - start >= info["shot_time"] > 0.5
@@ -84,12 +84,12 @@ def test_closing_the_window_in_the_middle_of_a_putt_ends_the_showing(display: st
     """The putt is played all the same; later ones pass unseen; closing twice and rendering do no harm."""
     code = """
         human.reset(seed=1), array.reset(seed=1)
-        show, count = window().show, [0]
+        show, count = window().present, [0]
         def closing(camera, frame):
             count[0] += 1
             if count[0] == 3: window().window.dispatch_event("on_close")
             show(camera, frame)
-        window().show = closing
+        window().present = closing
         human.step(putt), array.step(putt)
         assert count[0] == 3 and not window().is_open
         assert human.unwrapped.get_state()["position"] == array.unwrapped.get_state()["position"]
@@ -110,7 +110,7 @@ def test_a_resized_window_is_filled(display: str) -> None:
         expected = wide.render()
         end = time.monotonic() + 60.0
         while time.monotonic() < end:
-            window().show(*window()._shown)
+            window().present(*window()._shown)
             x, y = window().window.get_location()
             seen = np.asarray(ImageGrab.grab(xdisplay=display).convert("RGB"))[y:y + 240, x:x + 480]
             if np.abs(seen.astype(int) - expected).mean() < 8.0: break
@@ -124,11 +124,11 @@ def test_a_resized_window_is_filled(display: str) -> None:
 def test_a_narrow_window_shows_as_much() -> None:
     """What was in the picture from side to side is in it when the window has become narrower."""
     camera = Camera((0.0, -2.0, 1.0), (0.0, 0.0, 0.0), fov=40.0)
-    narrow = _widened(camera, 2.5)
+    narrow = _widen(camera, 2.5)
     edge = np.append(camera.ray(1.0, 0.0, 1.0)[0] + camera.ray(1.0, 0.0, 1.0)[1], 1.0)
     x, _, _, w = narrow.clip_from_world(0.4) @ edge
     np.testing.assert_allclose(x / w, 1.0)
-    assert _widened(camera, 1.0) == camera
+    assert _widen(camera, 1.0) == camera
 
 
 def test_a_fork_leaves_the_window_alone(display: str) -> None:
@@ -190,7 +190,7 @@ def test_two_windows_at_once(display: str) -> None:
         other = gym.make("MiniGolf-v0", render_mode="human", camera="top", render_speed=speed, **size)
         human.reset(seed=1), other.reset(seed=2)
         human.step(putt), other.step(putt)
-        assert window().is_open and other.unwrapped.screen._window.is_open
+        assert window().is_open and other.unwrapped.renderer._window.is_open
         human.close()
         other.step(putt)
         print("both")
@@ -202,9 +202,9 @@ def test_windows_and_other_users_of_egl_live_together(display: str) -> None:
     """A context that another library has left current keeps its state and stays current; the window is drawn."""
     code = """
         from OpenGL import EGL, GL
-        from minigolf_env.rendering.gl.context import HeadlessContext
+        from minigolf_env.rendering.gl.context import EGLContext
         def current(): return __import__("ctypes").cast(EGL.eglGetCurrentContext(), __import__("ctypes").c_void_p).value
-        with HeadlessContext().current():
+        with EGLContext().current():
             buffers = GL.glGenBuffers(3)
             for buffer in buffers:
                 GL.glBindBuffer(GL.GL_UNIFORM_BUFFER, buffer)
@@ -228,15 +228,15 @@ def test_a_hidden_window_draws_what_egl_draws(display: str) -> None:
     """The way of systems without EGL, to the same bits."""
     code = """
         from minigolf_env.courses import load_course
-        from minigolf_env.rendering import still
-        from minigolf_env.rendering.offscreen import Studio, draw
-        from minigolf_env.rendering.window import HiddenWindow
+        from minigolf_env.rendering import static_view
+        from minigolf_env.rendering.gl.offscreen import OffscreenRenderer, draw
+        from minigolf_env.rendering.gl.window_context import HiddenWindowContext
         course = load_course("dogleg")
-        camera, frame = still(course, "tee", 4 / 3, np.array([0.4, 0.6, 0.03]))
-        studio = Studio(HiddenWindow())
+        camera, frame = static_view(course, "tee", 4 / 3, np.array([0.4, 0.6, 0.03]))
+        renderer = OffscreenRenderer(HiddenWindowContext())
         for profile in ("high", "fast", "fast"):
-            with studio.context.current():
-                picture = studio.draw((course, camera, (160, 120), profile), frame)
+            with renderer.context.current():
+                picture = renderer.draw((course, camera, (160, 120), profile), frame)
             assert (picture == draw(course, camera, frame, (160, 120), profile)).all()
         print("same")
     """

@@ -23,9 +23,9 @@ from minigolf_env.apps.play.orbit_camera import OrbitCamera
 from minigolf_env.apps.play.replay_player import SLOW_MOTION_RATE, ReplayPlayer
 from minigolf_env.apps.play.stroke import HUMAN_NAME, Stroke
 from minigolf_env.apps.play.throw_mode import ThrowMode
-from minigolf_env.rendering import Camera, Frame, Line
-from minigolf_env.rendering.camera import follow_view
-from minigolf_env.rendering.replay import Replay, flag_foot
+from minigolf_env.rendering import Camera, Line, SceneState
+from minigolf_env.rendering.camera import follow_camera
+from minigolf_env.rendering.replay import Replay, flag_position
 from minigolf_env.rendering.window import Window
 
 MIN_FRAME_INTERVAL = 1.0 / 60.0
@@ -263,9 +263,9 @@ class App:
             stroke.times,
             "follow",
             self._aspect,
-            turn=self._rotation,
-            lies=stroke.next_position,
-            before=self.view.base,
+            rotation=self._rotation,
+            next_position=stroke.next_position,
+            previous_camera=self.view.base,
         )
         self.aim = None
         self.last_stroke = stroke
@@ -304,7 +304,7 @@ class App:
         self.view.base = player.replay.camera(player.time)
         if player.is_over:
             self.log("shown", frames=player.frame_count, seconds=time.perf_counter() - player.start)
-            self._rotation = player.replay.last_turn
+            self._rotation = player.replay.final_rotation
             self._player = None
             player.on_end()
         return True
@@ -315,13 +315,13 @@ class App:
         return float(max(width, 1) / max(height, 1))  # A minimised window has the size 0.
 
     def _target_camera(self) -> Camera:
-        return follow_view(self.mode.course, self.mode.displayed_ball, self._aspect)
+        return follow_camera(self.mode.course, self.mode.displayed_ball, self._aspect)
 
     def _draw(self) -> None:
         self._needs_redraw = False
         player = self._player
-        frame = self._static_scene() if player is None else player.replay.frame(player.time)
-        self.window.draw(self.view.camera, frame)
+        state = self._static_scene() if player is None else player.replay.scene_state(player.time)
+        self.window.draw(self.view.camera, state)
         if player is not None and self.recorder.is_on:
             self.message = self.recorder.add(self.window) or self.message
 
@@ -336,7 +336,7 @@ class App:
             self.show_message(save_screenshot())
             self.log("screenshot", message=self.message)
 
-    def _static_scene(self) -> Frame:
+    def _static_scene(self) -> SceneState:
         """Return the scene with the ball at rest and the aiming guides."""
         course = self.mode.course
         ball = self.mode.displayed_ball
@@ -346,7 +346,7 @@ class App:
             if self.path_shown:
                 lines += guides.dashes(self.mode.predict_path(self.aim), self.aim)
             lines += guides.arrow(ball, self.aim)
-        return Frame(ball, self._rotation, flag_foot(course, ball), lines)
+        return SceneState(ball, self._rotation, flag_position(course, ball), lines)
 
     def _log_idle(self) -> None:
         """Log that nothing moves, with the pixel of the ball for programs that move the mouse to it."""

@@ -55,7 +55,7 @@ class WindowRecorder:
     def add(self, window: Window) -> str:
         """Add the frame of a window; return an error message, or an empty string."""
         try:
-            self._writer.add(window.picture(self._size))
+            self._writer.add(window.capture(self._size))
         except ENCODER_ERRORS as error:
             self._writer = None
             return f"The video stopped: {error}"[:MAX_MESSAGE_LENGTH]

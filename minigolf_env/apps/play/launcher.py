@@ -15,7 +15,7 @@ from minigolf_env.apps.play.scores import BestScores
 from minigolf_env.apps.play.throw_mode import ThrowMode
 from minigolf_env.courses import NINE, ROUND, load_course
 from minigolf_env.players.policies import load_policy
-from minigolf_env.rendering import PROFILES, Settings
+from minigolf_env.rendering import RENDER_PROFILES, RenderSettings
 
 MIN_WINDOW_SIZE = 320, 200
 """Smallest width and height of the window, pixels; the texts do not fit into a smaller one."""
@@ -46,7 +46,7 @@ def run(
     if size[0] < MIN_WINDOW_SIZE[0] or size[1] < MIN_WINDOW_SIZE[1]:
         minimum = "{} {}".format(*MIN_WINDOW_SIZE)
         raise ValueError(f"size: expected width and height of at least {minimum}, received {size}; give more pixels.")
-    settings = Settings("human", size, profile=one_of(profile, PROFILES, "profile"))
+    settings = RenderSettings("human", size, profile=one_of(profile, RENDER_PROFILES, "profile"))
     first = load_course(NINE[0] if course == ROUND else course)
     if opponent is not None and first.cup is None:
         raise ValueError(f"opponent: expected none on {first.name!r}, which has no cup, received {opponent!r}.")

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from minigolf_env.rendering import Camera
-from minigolf_env.rendering.camera import blend
+from minigolf_env.rendering.camera import interpolate_cameras
 
 TURN_TIME_CONSTANT = 0.18
 """Time constant with which the camera turns to another position of the ball, s."""
@@ -58,7 +58,7 @@ class OrbitCamera:
         if self.base is None or _distance(self.base, target) < ARRIVAL_TOLERANCE:
             self.base = target
             return False
-        self.base = blend(self.base, target, 1.0 - math.exp(-elapsed / TURN_TIME_CONSTANT))
+        self.base = interpolate_cameras(self.base, target, 1.0 - math.exp(-elapsed / TURN_TIME_CONSTANT))
         return True
 
     def orbit(self, right: float, up: float, height: int) -> None:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from minigolf_env.courses import Course
 from minigolf_env.envs.task import FloatArray, TaskBatch
-from minigolf_env.rendering import flag_at_rest, still
+from minigolf_env.rendering import flag_rest_position, static_view
 
 IMAGE_SIZE = 84
 """Pixels a side, as deep Q-networks have it."""
@@ -48,10 +48,10 @@ def observe_pixels(game: TaskBatch, positions: FloatArray, strokes: NDArray[np.i
 
 def _from_above(course: Course, balls: FloatArray) -> list[NDArray[np.uint8]]:
     """Return the pictures of balls (N, 3), m, on a course."""
-    from minigolf_env.rendering.offscreen import draw_many
+    from minigolf_env.rendering.gl.offscreen import draw_many
 
-    camera, frame = still(course, "top", 1.0, balls[0])
-    metre = camera.pixels_a_metre(camera.eye[2] - course.tee.height, IMAGE_SIZE)
-    frame = frame._replace(size=max(1.0, MIN_BALL_RADIUS / (metre * course.ball_radius)))
-    frames = [frame._replace(ball=ball, flag=flag_at_rest(course)) for ball in balls]
-    return draw_many(course, camera, frames, (IMAGE_SIZE, IMAGE_SIZE), PIXEL_RENDER_PROFILE)
+    camera, state = static_view(course, "top", 1.0, balls[0])
+    metre = camera.pixels_per_metre(camera.eye[2] - course.tee.height, IMAGE_SIZE)
+    state = state._replace(ball_scale=max(1.0, MIN_BALL_RADIUS / (metre * course.ball_radius)))
+    states = [state._replace(ball=ball, flag=flag_rest_position(course)) for ball in balls]
+    return draw_many(course, camera, states, (IMAGE_SIZE, IMAGE_SIZE), PIXEL_RENDER_PROFILE)

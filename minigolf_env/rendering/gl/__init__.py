@@ -1,1 +1,1 @@
-"""Drawing with OpenGL 3.3: contexts, programs, buffers and the renderer. Only this package imports OpenGL."""
+"""Rendering with OpenGL 3.3: contexts, shader programs, buffers and renderers."""

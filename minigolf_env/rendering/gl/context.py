@@ -1,6 +1,6 @@
-"""OpenGL without a window: one EGL context a process, made when first needed.
+"""OpenGL contexts without a window, through EGL, and their coexistence with the contexts of windows (GLX).
 
-This module is imported before any other of OpenGL's, because PyOpenGL chooses its platform when it is imported.
+This module is imported before any module of PyOpenGL, which chooses its platform when it is imported.
 """
 
 from __future__ import annotations
@@ -18,14 +18,18 @@ from typing import Any, Protocol
 from minigolf_env.rendering.errors import RenderingError
 
 DEVICE_VARIABLE = "MINIGOLF_EGL_DEVICE"
-"""Environment variable: the number of the EGL device to draw on; unset, the first that works."""
+"""Environment variable with the number of the EGL device to draw on; unset: the first device that works."""
 
-PLATFORM_DEVICE, PLATFORM_SURFACELESS = 0x313F, 0x31DD
-"""EGL_PLATFORM_DEVICE_EXT and EGL_PLATFORM_SURFACELESS_MESA, from the extensions EGL_EXT_platform_device and
-EGL_MESA_platform_surfaceless."""
+PLATFORM_DEVICE = 0x313F
+"""Enumerant EGL_PLATFORM_DEVICE_EXT of the extension EGL_EXT_platform_device."""
 
-INSTALL = "On Debian or Ubuntu: apt-get install libegl1 libgl1 (libgl1 brings the drivers that draw without a GPU)."
+PLATFORM_SURFACELESS = 0x31DD
+"""Enumerant EGL_PLATFORM_SURFACELESS_MESA of the extension EGL_MESA_platform_surfaceless."""
 
+INSTALL_HINT = (
+    "On Debian or Ubuntu: apt-get install libegl1 libgl1 (libgl1 brings the drivers that draw without a GPU)."
+)
+"""Remedy for missing libraries, the end of error messages."""
 
 if sys.platform == "linux":
     os.environ.setdefault("PYOPENGL_PLATFORM", "egl")
@@ -35,23 +39,23 @@ class Context(Protocol):
     """An OpenGL context to draw in."""
 
     def current(self) -> AbstractContextManager[None]:
-        """Make it current within a ``with`` block."""
+        """Make the context current within a ``with`` block."""
         ...
 
 
-class HeadlessContext:
-    """An OpenGL 3.3 core context with no surface, to draw into framebuffer objects.
+class EGLContext:
+    """An OpenGL 3.3 core context without a surface, to draw into framebuffer objects.
 
-    Use it as ``with context.current():``; whatever context was current in the thread before is so again afterwards, and
-    threads take turns.
+    Use it as ``with context.current():``. Afterwards the context that was current in the thread before is current
+    again. A lock lets one thread draw at a time.
 
     Raises:
-        RenderingError: there is no EGL here, or none of its displays can draw.
+        RenderingError: EGL is not available, or none of its displays can draw.
     """
 
     def __init__(self) -> None:
         self._egl = _load_egl()
-        self._process = os.getpid()
+        self._process_id = os.getpid()
         self._lock = threading.RLock()
         self._display, self._context = self._create()
 
@@ -60,12 +64,12 @@ class HeadlessContext:
         """Make the context current within a ``with`` block.
 
         Raises:
-            RenderingError: in a process that was forked from the one that made the context.
+            RenderingError: this process was forked from the one that made the context.
         """
-        check_process(self._process)
+        check_process(self._process_id)
         egl = self._egl
         with self._lock:
-            before = (
+            previous = (
                 egl.eglGetCurrentDisplay() or self._display,
                 egl.eglGetCurrentSurface(egl.EGL_DRAW),
                 egl.eglGetCurrentSurface(egl.EGL_READ),
@@ -76,21 +80,22 @@ class HeadlessContext:
                 try:
                     yield
                 finally:
-                    egl.eglMakeCurrent(*before)
+                    egl.eglMakeCurrent(*previous)
 
     def _create(self) -> tuple[Any, Any]:
         """Return the first display that can draw, and a context on it."""
-        tried = []
-        for name, find in self._displays():
+        failures = []
+        for name, open_display in self._displays():
             try:
-                display = find()
-                return display, self._context_on(display)
+                display = open_display()
+                return display, self._create_context(display)
             except Exception as error:
-                tried.append(f"{name}: {_reason(error)}")
-        raise RenderingError(f"rendering: no EGL display can draw. Tried {'; '.join(tried) or 'none'}. {INSTALL}")
+                failures.append(f"{name}: {_describe(error)}")
+        tried = "; ".join(failures) or "none"
+        raise RenderingError(f"rendering: no EGL display can draw. Tried {tried}. {INSTALL_HINT}")
 
     def _displays(self) -> Iterator[tuple[str, Callable[[], Any]]]:
-        """Yield what finds the displays to try: hardware first, then Mesa's without a surface, then the default one."""
+        """Yield name and factory of each display to try: devices first, then Mesa's surfaceless, then the default."""
         egl = self._egl
         extensions = (egl.eglQueryString(egl.EGL_NO_DISPLAY, egl.EGL_EXTENSIONS) or b"").decode()
         if "EGL_EXT_platform_device" in extensions and "EGL_EXT_device_enumeration" in extensions:
@@ -110,16 +115,20 @@ class HeadlessContext:
             yield "surfaceless", partial(_platform_display, PLATFORM_SURFACELESS, egl.EGL_DEFAULT_DISPLAY)
         yield "default", partial(egl.eglGetDisplay, egl.EGL_DEFAULT_DISPLAY)
 
-    def _context_on(self, display: Any) -> Any:
+    def _create_context(self, display: Any) -> Any:
+        """Return an OpenGL 3.3 core context on a display."""
         egl = self._egl
         major, minor = egl.EGLint(), egl.EGLint()
         egl.eglInitialize(display, major, minor)
         egl.eglBindAPI(egl.EGL_OPENGL_API)
-        wanted = [egl.EGL_SURFACE_TYPE, 0, egl.EGL_RENDERABLE_TYPE, egl.EGL_OPENGL_BIT, egl.EGL_NONE]
-        config, count = (egl.EGLConfig * 1)(), egl.EGLint()
-        egl.eglChooseConfig(display, (egl.EGLint * len(wanted))(*wanted), config, 1, count)
+        # Choose a configuration.
+        required = [egl.EGL_SURFACE_TYPE, 0, egl.EGL_RENDERABLE_TYPE, egl.EGL_OPENGL_BIT, egl.EGL_NONE]
+        config = (egl.EGLConfig * 1)()
+        count = egl.EGLint()
+        egl.eglChooseConfig(display, (egl.EGLint * len(required))(*required), config, 1, count)
         if count.value == 0:
             raise RenderingError("it has no configuration for OpenGL")
+        # Create the context.
         version = [egl.EGL_CONTEXT_MAJOR_VERSION, 3, egl.EGL_CONTEXT_MINOR_VERSION, 3]
         profile = [egl.EGL_CONTEXT_OPENGL_PROFILE_MASK, egl.EGL_CONTEXT_OPENGL_CORE_PROFILE_BIT, egl.EGL_NONE]
         attributes = (egl.EGLint * 7)(*version, *profile)
@@ -129,9 +138,9 @@ class HeadlessContext:
         return context
 
 
-def check_process(process: int) -> None:
-    """Raise a RenderingError unless this is the process (an id) that made a context: in its forks OpenGL hangs."""
-    if os.getpid() != process:
+def check_process(process_id: int) -> None:
+    """Raise a RenderingError unless this process has an id: OpenGL hangs in forks of the process with the context."""
+    if os.getpid() != process_id:
         raise RenderingError(
             "rendering: expected the process that first rendered, received a fork of it, where OpenGL would hang; "
             "start workers with the 'spawn' or 'forkserver' method, or render in the parent only after forking."
@@ -143,7 +152,7 @@ def _load_egl() -> Any:
     try:
         from OpenGL import EGL, platform
     except Exception as error:  # PyOpenGL raises ImportError, AttributeError or TypeError where the library is missing.
-        raise RenderingError(f"rendering: libEGL cannot be used: {_reason(error)}. {INSTALL}") from error
+        raise RenderingError(f"rendering: libEGL cannot be used: {_describe(error)}. {INSTALL_HINT}") from error
     chosen = type(platform.PLATFORM).__name__
     if "EGL" not in chosen:
         raise RenderingError(
@@ -154,7 +163,7 @@ def _load_egl() -> Any:
 
 
 def _devices(egl: Any) -> list[Any]:
-    """Return the EGL devices of this machine; none where asking fails."""
+    """Return the EGL devices of this machine; none if the query fails."""
     from OpenGL.EGL.EXT.device_enumeration import eglQueryDevicesEXT
     from OpenGL.raw.EGL._types import EGLDeviceEXT
 
@@ -169,6 +178,7 @@ def _devices(egl: Any) -> list[Any]:
 
 
 def _platform_display(platform: int, native: Any) -> Any:
+    """Return the EGL display of a native display on a platform."""
     from OpenGL.EGL.EXT.platform_base import eglGetPlatformDisplayEXT
 
     return eglGetPlatformDisplayEXT(platform, native, None)
@@ -176,7 +186,10 @@ def _platform_display(platform: int, native: Any) -> Any:
 
 @contextmanager
 def _glx_released() -> Iterator[None]:
-    """Take away this thread's current GLX context (a window's) for a while: EGL makes none current beside it."""
+    """Release this thread's current GLX context (a window's) within a ``with`` block, and restore it afterwards.
+
+    EGL cannot make a context current while a GLX context is.
+    """
     glx = _load_glx()
     context = glx.glXGetCurrentContext() if glx is not None else None
     if glx is None or not context:
@@ -192,15 +205,15 @@ def _glx_released() -> Iterator[None]:
 
 
 @contextmanager
-def for_windows() -> Iterator[None]:
-    """Let windows have their contexts current within a ``with`` block; an EGL context that was before is so after it.
+def egl_released() -> Iterator[None]:
+    """Release this thread's current EGL context within a ``with`` block, and restore it afterwards.
 
-    GLX makes none current beside EGL's, such as one that another library has left current.
+    GLX (a window) cannot make a context current while an EGL context is, such as one that another library has left.
     """
     try:
         egl = _load_egl() if sys.platform == "linux" else None
     except RenderingError:
-        egl = None  # Nobody uses it then.
+        egl = None  # Without EGL no EGL context can be current.
     context = egl.eglGetCurrentContext() if egl is not None else None
     if egl is None or not context:
         yield
@@ -219,7 +232,7 @@ def for_windows() -> Iterator[None]:
 
 @functools.cache
 def _load_glx() -> Any:
-    """Return GLX's library, or None where there is none."""
+    """Return the GLX library, or None if there is none."""
     if sys.platform != "linux":
         return None
     try:
@@ -234,5 +247,6 @@ def _load_glx() -> Any:
     return glx
 
 
-def _reason(error: Exception) -> str:
+def _describe(error: Exception) -> str:
+    """Return type and message of an exception on one line."""
     return f"{type(error).__name__}: {' '.join(str(error).split())}"

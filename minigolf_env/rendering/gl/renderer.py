@@ -1,6 +1,6 @@
-"""Draws courses with OpenGL 3.3; owns no context and knows no window.
+"""The renderer: draws courses and scene states with OpenGL 3.3. It owns no context and knows no window.
 
-Pictures are drawn upside down for OpenGL, so that the first row that is read is the top one.
+Images are drawn upside down for OpenGL, so that the first row that is read is the top one.
 """
 
 from __future__ import annotations
@@ -14,222 +14,256 @@ from numpy.typing import NDArray
 from OpenGL import GL
 
 from minigolf_env.courses import Course
-from minigolf_env.rendering import props as models
-from minigolf_env.rendering import textures
+from minigolf_env.rendering import props, textures
 from minigolf_env.rendering.camera import Camera
-from minigolf_env.rendering.dirty_rect import CLOTH, Box, flag_at_rest, seen_between
+from minigolf_env.rendering.dirty_rect import PixelRect, project_aabbs
 from minigolf_env.rendering.errors import RenderingError
-from minigolf_env.rendering.gl.course_buffers import FRAME_BLOCK, UP, CourseBuffers
-from minigolf_env.rendering.gl.objects import (
-    FRAME_SLOT,
-    MATERIALS,
-    Lines,
-    Mesh,
-    Program,
-    Target,
-    blended,
-    cube_map,
-    start_afresh,
-    texture,
+from minigolf_env.rendering.gl.buffers import (
+    Framebuffer,
+    LineStrips,
+    MeshBuffer,
+    alpha_blending,
+    create_cube_map,
+    create_texture,
+    reset_gl_state,
 )
-from minigolf_env.rendering.scene_state import Frame
+from minigolf_env.rendering.gl.course_buffers import FRAME_UNIFORMS_DTYPE, CourseBuffers
+from minigolf_env.rendering.gl.program import FRAME_UNIFORMS_BINDING, MATERIALS, TEXTURE_UNITS, Program
+from minigolf_env.rendering.gl.shadow_map import UP
+from minigolf_env.rendering.scene_state import SceneState
 
 FloatArray = NDArray[np.float64]
-Picture = NDArray[np.uint8]
-Kept = TypeVar("Kept")
+Cached = TypeVar("Cached")
 
-SAMPLES = {"high": 4, "fast": 0}
-"""Samples a pixel of each profile, for smooth edges; 0: a single one, without."""
+SAMPLES_PER_PIXEL = {"high": 4, "fast": 0}
+"""Samples per pixel of each profile (multisample anti-aliasing); 0: none."""
 
-KEPT = 8
-"""Courses, and sizes of pictures, whose buffers are kept; the least recently used are freed."""
+MAX_CACHED_BUFFERS = 8
+"""Number of courses, and of framebuffers, that are kept; the least recently used is freed first."""
 
-SMALL = 4.0
+SMALL_BALL_RADIUS = 4.0
 """Radius below which the ball is drawn with fewer triangles, pixels."""
 
-NOWHERE = np.array([0.0, 0.0, -1e3])
-"""Where a ball throws no shadow, m."""
+NO_BALL_POSITION = np.array([0.0, 0.0, -1e3])
+"""Position of the ball in an image without one, m: its shadow falls on nothing."""
 
-UPSIDE_DOWN = np.diag([1.0, -1.0, 1.0, 1.0])
+FLIP_Y = np.diag([1.0, -1.0, 1.0, 1.0])
+"""Matrix that turns an image upside down."""
 
-BACKGROUND = 0.62, 0.72, 0.80
-"""Of the sky, where the lawn ends: common.glsl's HAZE."""
+SKY_COLOR = 0.62, 0.72, 0.80
+"""Colour of the sky beyond the lawn; HAZE in common.glsl."""
 
 
 class Renderer:
     """Draws into framebuffers of its own, in the context that is current when its methods are called.
 
-    Programs, courses and framebuffers are made when first used and kept (the latter two within bounds).
+    Programs, course buffers and framebuffers are made when first used and cached, the latter two up to
+    MAX_CACHED_BUFFERS.
     """
 
     def __init__(self) -> None:
-        self._largest = int(GL.glGetIntegerv(GL.GL_MAX_RENDERBUFFER_SIZE))
+        self._max_size = int(GL.glGetIntegerv(GL.GL_MAX_RENDERBUFFER_SIZE))
+        self._is_fast = False
+        """The profile of the image that is being drawn is "fast"."""
         self._programs: dict[tuple[str, bool], Program] = {}
-        self._fast = False
         self._courses: OrderedDict[Course, CourseBuffers] = OrderedDict()
-        self._targets: OrderedDict[tuple[tuple[int, int], int], Target] = OrderedDict()
-        self._frame = GL.glGenBuffers(1)
-        GL.glBindBuffer(GL.GL_UNIFORM_BUFFER, self._frame)
-        GL.glBufferData(GL.GL_UNIFORM_BUFFER, FRAME_BLOCK.itemsize, None, GL.GL_DYNAMIC_DRAW)
-        felt, wood, stone = (texture(image) for image in (textures.felt(), textures.wood(), textures.stone()))
-        self._paint = {"felt": felt, "lawn": felt, "wood": wood, "stone": stone, "brick": stone, "water": stone}
-        self._dimples = cube_map(textures.ball())
-        self._ball, self._small_ball = Mesh(*models.sphere(16, 32)), Mesh(*models.sphere(6, 12))
-        self._pole = Mesh(*models.pole())
-        self._cloth = Mesh(*models.cloth(CLOTH))
-        self._lines = Lines()
+        self._framebuffers: OrderedDict[tuple[tuple[int, int], int], Framebuffer] = OrderedDict()
+        # The buffer of the uniform block FrameUniforms.
+        self._uniform_buffer = GL.glGenBuffers(1)
+        GL.glBindBuffer(GL.GL_UNIFORM_BUFFER, self._uniform_buffer)
+        GL.glBufferData(GL.GL_UNIFORM_BUFFER, FRAME_UNIFORMS_DTYPE.itemsize, None, GL.GL_DYNAMIC_DRAW)
+        # Textures.
+        felt = create_texture(textures.felt_texture())
+        wood = create_texture(textures.wood_texture())
+        stone = create_texture(textures.stone_texture())
+        self._detail_textures = {
+            "felt": felt,
+            "lawn": felt,
+            "wood": wood,
+            "stone": stone,
+            "brick": stone,
+            "water": stone,
+        }
+        self._dimples = create_cube_map(textures.ball_texture())
+        # Meshes.
+        self._ball = MeshBuffer(*props.sphere(16, 32))
+        self._small_ball = MeshBuffer(*props.sphere(6, 12))
+        self._pole = MeshBuffer(*props.pole())
+        self._cloth = MeshBuffer(*props.cloth(props.CLOTH_DIRECTION))
+        self._lines = LineStrips()
 
     def draw(
         self,
         course: Course,
         camera: Camera,
-        frame: Frame | None,
+        state: SceneState | None,
         size: tuple[int, int],
         profile: str,
-        part: Box | None = None,
-    ) -> Target:
-        """Draw a picture of (width, height) pixels, or a part of it, and return what it was drawn to.
+        rect: PixelRect | None = None,
+    ) -> Framebuffer:
+        """Draw an image of (width, height) pixels, or a rectangle of it; return the framebuffer that has it.
 
-        Without a frame: the course with its flag, and no ball.
+        Args:
+            course: the course.
+            camera: the camera.
+            state: poses of ball, flag and lines; None: the course with its flag and no ball.
+            size: width and height, pixels.
+            profile: "high" or "fast".
+            rect: the rectangle to draw; None: the whole image.
+
+        Raises:
+            RenderingError: the size is beyond the driver's limit.
         """
-        self._fast = profile == "fast"
-        buffers = self._keep(self._courses, course, lambda: CourseBuffers(course, self._program("depth")))
-        target = self._target(size, SAMPLES[profile])
-        part = part or Box(0, 0, *size)
-        clip = UPSIDE_DOWN @ camera.clip_from_world(size[0] / size[1])
-        self._fill_frame(course, buffers, clip, camera, frame)
-        self._begin(target, part)
-        self._bind(buffers)
-        edges = _edges(part, size)
-        for (material, color), runs in buffers.visible(clip, edges):
-            self._use(material, color=color)
+        self._is_fast = profile == "fast"
+        buffers = self._cached(self._courses, course, lambda: CourseBuffers(course, self._program("depth")))
+        framebuffer = self._framebuffer(size, SAMPLES_PER_PIXEL[profile])
+        rect = rect or PixelRect(0, 0, *size)
+        clip = FLIP_Y @ camera.clip_from_world(size[0] / size[1])
+        edges = _clip_edges(rect, size)
+        # Upload the uniforms, clear the rectangle and bind the shadow maps.
+        self._upload_uniforms(course, buffers, clip, camera, state)
+        self._clear(framebuffer, rect)
+        self._bind_textures(buffers)
+        # Draw the visible chunks of the course, material by material, and the lawn.
+        for (material, color), runs in buffers.visible_runs(clip, edges):
+            self._use_material(material, color=color)
             buffers.draw(runs)
-        self._use("lawn")
+        self._use_material("lawn")
         buffers.lawn.draw()
-        foot = flag_at_rest(course) if frame is None else frame.flag
-        if course.cup is not None and self._is_flag_seen(foot, clip, edges):
-            self._draw_flag(foot)
-        if frame is not None:
-            self._draw_ball(course, camera, frame, clip, size[1])
-            if frame.lines:
-                GL.glUseProgram(self._program("line").name)
-                self._lines.draw(frame.lines)
+        # Draw what moves: flag, ball and lines.
+        flag = props.flag_rest_position(course) if state is None else state.flag
+        if course.cup is not None and self._is_flag_visible(flag, clip, edges):
+            self._draw_flag(flag)
+        if state is not None:
+            self._draw_ball(course, camera, state, clip, size[1])
+            if state.lines:
+                self._program("line").use()
+                self._lines.draw(state.lines)
+        # Average the samples of each pixel.
         GL.glDisable(GL.GL_SCISSOR_TEST)
-        target.resolve()
-        return target
+        framebuffer.resolve()
+        return framebuffer
 
-    def _begin(self, target: Target, part: Box) -> None:
-        target.bind()
-        GL.glViewport(0, 0, *target.size)
-        start_afresh()
+    def _upload_uniforms(
+        self, course: Course, buffers: CourseBuffers, clip: FloatArray, camera: Camera, state: SceneState | None
+    ) -> None:
+        """Set the uniform block of the frame."""
+        uniforms = buffers.uniforms
+        uniforms["clip_from_world"] = clip.T
+        uniforms["eye"][:3] = camera.eye
+        uniforms["ball"][:3] = NO_BALL_POSITION if state is None else state.ball
+        uniforms["ball"][3] = course.ball_radius * (1.0 if state is None else state.ball_scale)
+        uniforms["flag"][:3] = props.flag_rest_position(course) if state is None else state.flag
+        GL.glBindBuffer(GL.GL_UNIFORM_BUFFER, self._uniform_buffer)
+        GL.glBufferSubData(GL.GL_UNIFORM_BUFFER, 0, uniforms.nbytes, uniforms)
+        GL.glBindBufferBase(GL.GL_UNIFORM_BUFFER, FRAME_UNIFORMS_BINDING, self._uniform_buffer)
+
+    def _clear(self, framebuffer: Framebuffer, rect: PixelRect) -> None:
+        """Bind a framebuffer, restrict drawing to a rectangle of it, and clear that."""
+        framebuffer.bind()
+        GL.glViewport(0, 0, *framebuffer.size)
+        reset_gl_state()
         GL.glEnable(GL.GL_SCISSOR_TEST)
-        GL.glScissor(part.left, part.top, part.right - part.left, part.bottom - part.top)
-        GL.glFrontFace(GL.GL_CW)  # Upside down.
-        GL.glClearColor(*BACKGROUND, 1.0)
+        GL.glScissor(rect.left, rect.top, rect.right - rect.left, rect.bottom - rect.top)
+        GL.glFrontFace(GL.GL_CW)  # The image is upside down.
+        GL.glClearColor(*SKY_COLOR, 1.0)
         GL.glClear(GL.GL_COLOR_BUFFER_BIT | GL.GL_DEPTH_BUFFER_BIT)
 
-    def _bind(self, buffers: CourseBuffers) -> None:
-        """Make the textures of a course known; unit 2, for the paint of the material, stays the active one."""
-        for unit, kind, name in (
-            (0, GL.GL_TEXTURE_2D, buffers.sun.texture),
-            (1, GL.GL_TEXTURE_2D, buffers.sky.texture),
-            (3, GL.GL_TEXTURE_CUBE_MAP, self._dimples),
+    def _bind_textures(self, buffers: CourseBuffers) -> None:
+        """Bind the shadow maps and the dimples; the unit of the material's detail texture stays the active one."""
+        for sampler, target, texture in (
+            ("sun_map", GL.GL_TEXTURE_2D, buffers.sun_map.texture),
+            ("sky_map", GL.GL_TEXTURE_2D, buffers.sky_map.texture),
+            ("dimples", GL.GL_TEXTURE_CUBE_MAP, self._dimples),
         ):
-            GL.glActiveTexture(GL.GL_TEXTURE0 + unit)
-            GL.glBindTexture(kind, name)
-        GL.glActiveTexture(GL.GL_TEXTURE2)
+            GL.glActiveTexture(GL.GL_TEXTURE0 + TEXTURE_UNITS.index(sampler))
+            GL.glBindTexture(target, texture)
+        GL.glActiveTexture(GL.GL_TEXTURE0 + TEXTURE_UNITS.index("detail"))
 
-    def _use(
+    def _use_material(
         self, material: str, model: FloatArray | None = None, color: tuple[float, float, float] | None = None
     ) -> None:
+        """Use the program, the model matrix, the tint and the texture of a material for the next draw calls."""
         program = self._program(material)
-        GL.glUseProgram(program.name)
+        program.use()
         if model is not None:
-            program.place(model)
-        program.dye(color)
-        if material in self._paint:
-            GL.glBindTexture(GL.GL_TEXTURE_2D, self._paint[material])
+            program.set_model_matrix(model)
+        program.set_tint(color)
+        if material in self._detail_textures:
+            GL.glBindTexture(GL.GL_TEXTURE_2D, self._detail_textures[material])
 
-    def _is_flag_seen(self, foot: FloatArray, clip: FloatArray, edges: FloatArray) -> bool:
-        half = np.array([models.CLOTH_LENGTH, models.CLOTH_LENGTH, 0.5 * models.POLE_HEIGHT])
-        lower, upper = seen_between((foot + UP * half)[None], half[None], clip)
+    def _is_flag_visible(self, foot: FloatArray, clip: FloatArray, edges: FloatArray) -> bool:
+        """Return whether a flag at a foot (3,) may be seen between edges (2, 2) of the image."""
+        half_extent = np.array([props.CLOTH_LENGTH, props.CLOTH_LENGTH, 0.5 * props.POLE_HEIGHT])
+        lower, upper = project_aabbs((foot + UP * half_extent)[None], half_extent[None], clip)
         return bool((upper >= edges[0]).all() and (lower <= edges[1]).all())
 
     def _draw_flag(self, foot: FloatArray) -> None:
-        model = _model(foot, 1.0)
-        self._use("pole", model)
+        """Draw pole and cloth; the cloth has two sides."""
+        model = _model_matrix(foot, 1.0)
+        self._use_material("pole", model)
         self._pole.draw()
         GL.glDisable(GL.GL_CULL_FACE)
-        self._use("cloth", model)
+        self._use_material("cloth", model)
         self._cloth.draw()
         GL.glEnable(GL.GL_CULL_FACE)
 
-    def _draw_ball(self, course: Course, camera: Camera, frame: Frame, clip: FloatArray, height: int) -> None:
-        """Draw the ball, and a ghost of it where something hides it."""
-        model = _model(frame.ball, frame.size * course.ball_radius, frame.turn)
-        distance = float(clip[3] @ np.append(frame.ball, 1.0))
-        radius = frame.size * course.ball_radius * camera.pixels_a_metre(distance, height)
-        ball = self._small_ball if radius < SMALL else self._ball
-        self._use("ball", model)
-        ball.draw()
-        self._use("ghost", model)
-        with blended():
+    def _draw_ball(self, course: Course, camera: Camera, state: SceneState, clip: FloatArray, height: int) -> None:
+        """Draw the ball, and a translucent ghost of it where something hides it."""
+        radius = state.ball_scale * course.ball_radius
+        model = _model_matrix(state.ball, radius, state.rotation)
+        distance = float(clip[3] @ np.append(state.ball, 1.0))
+        pixel_radius = radius * camera.pixels_per_metre(distance, height)
+        mesh = self._small_ball if pixel_radius < SMALL_BALL_RADIUS else self._ball
+        self._use_material("ball", model)
+        mesh.draw()
+        self._use_material("ghost", model)
+        with alpha_blending():
             GL.glDepthFunc(GL.GL_GREATER)
-            ball.draw()
+            mesh.draw()
             GL.glDepthFunc(GL.GL_LESS)
 
-    def _fill_frame(
-        self, course: Course, buffers: CourseBuffers, clip: FloatArray, camera: Camera, frame: Frame | None
-    ) -> None:
-        block = buffers.frame
-        block["clip_from_world"] = clip.T
-        block["eye"][:3] = camera.eye
-        block["ball"][:3] = NOWHERE if frame is None else frame.ball
-        block["ball"][3] = course.ball_radius * (1.0 if frame is None else frame.size)
-        block["flag"][:3] = flag_at_rest(course) if frame is None else frame.flag
-        GL.glBindBuffer(GL.GL_UNIFORM_BUFFER, self._frame)
-        GL.glBufferSubData(GL.GL_UNIFORM_BUFFER, 0, block.nbytes, block)
-        GL.glBindBufferBase(GL.GL_UNIFORM_BUFFER, FRAME_SLOT, self._frame)
-
     def _program(self, name: str) -> Program:
-        key = name, self._fast and name in MATERIALS  # The others know no light.
+        """Return a program in the present profile; it is compiled at the first call."""
+        key = name, self._is_fast and name in MATERIALS  # The others are the same in all profiles.
         if key not in self._programs:
             self._programs[key] = Program(*key)
         return self._programs[key]
 
-    def _target(self, size: tuple[int, int], samples: int) -> Target:
-        if max(size) > self._largest:
+    def _framebuffer(self, size: tuple[int, int], samples: int) -> Framebuffer:
+        """Return the framebuffer of a size, or raise a RenderingError if the driver does not support it."""
+        if max(size) > self._max_size:
             raise RenderingError(
-                f"render_size: expected at most {self._largest} pixels a side, the graphics library's limit, "
+                f"render_size: expected at most {self._max_size} pixels a side, the limit of the OpenGL driver, "
                 f"received {size}."
             )
-        return self._keep(self._targets, (size, samples), lambda: Target(size, samples))
+        return self._cached(self._framebuffers, (size, samples), lambda: Framebuffer(size, samples))
 
-    def _keep(self, kept: OrderedDict[Any, Kept], key: Hashable, make: Callable[[], Kept]) -> Kept:
-        """Return what is kept under a key, or make it; forget the least recently used."""
-        if key not in kept:
-            kept[key] = make()
-            if len(kept) > KEPT:
-                kept.popitem(last=False)[1].delete()  # type: ignore[attr-defined]
-        kept.move_to_end(key)
-        return kept[key]
+    def _cached(self, cache: OrderedDict[Any, Cached], key: Hashable, make: Callable[[], Cached]) -> Cached:
+        """Return the cached value of a key, or make it and free the least recently used."""
+        if key not in cache:
+            cache[key] = make()
+            if len(cache) > MAX_CACHED_BUFFERS:
+                cache.popitem(last=False)[1].delete()  # type: ignore[attr-defined]
+        cache.move_to_end(key)
+        return cache[key]
 
 
-def renderer_name() -> str:
-    """Return what the graphics library calls itself."""
+def driver_name() -> str:
+    """Return the name of the OpenGL driver's renderer."""
     name = GL.glGetString(GL.GL_RENDERER)
     return name.decode(errors="replace") if name else ""
 
 
-def _edges(part: Box, size: tuple[int, int]) -> FloatArray:
-    """Return the lower and upper edges (2, 2) of a part of a picture in x and y, -1 to 1."""
-    pixels = np.array([[part.left, part.top], [part.right, part.bottom]])
+def _clip_edges(rect: PixelRect, size: tuple[int, int]) -> FloatArray:
+    """Return the lower and upper edges (2, 2) of a rectangle of an image in x and y, -1 to 1."""
+    pixels = np.array([[rect.left, rect.top], [rect.right, rect.bottom]])
     return np.asarray(2.0 * pixels / size - 1.0)
 
 
-def _model(place: FloatArray, size: float, turn: FloatArray | None = None) -> FloatArray:
-    """Return the matrix (4, 4) that turns, scales and places a model."""
+def _model_matrix(position: FloatArray, scale: float, rotation: FloatArray | None = None) -> FloatArray:
+    """Return the matrix (4, 4) that rotates, scales and moves a mesh."""
     model = np.eye(4)
-    model[:3, :3] = size * (np.eye(3) if turn is None else turn)
-    model[:3, 3] = place
+    model[:3, :3] = scale * (np.eye(3) if rotation is None else rotation)
+    model[:3, 3] = position
     return model

@@ -8,7 +8,7 @@ import pytest
 from minigolf_env.apps.play.aim import FULL_POWER_DRAG_LENGTH, MIN_DRAG_LENGTH, Aim, aim_along_view, aim_from_drag
 from minigolf_env.courses import load_course
 from minigolf_env.rendering import Camera
-from minigolf_env.rendering.camera import follow_view
+from minigolf_env.rendering.camera import follow_camera
 
 SIZE = 960, 600
 BALL = np.array([0.35, 0.625, 0.02135])
@@ -16,7 +16,7 @@ BALL = np.array([0.35, 0.625, 0.02135])
 
 def player_camera() -> Camera:
     """Return the player's camera on the dogleg."""
-    return follow_view(load_course("dogleg"), BALL, SIZE[0] / SIZE[1])
+    return follow_camera(load_course("dogleg"), BALL, SIZE[0] / SIZE[1])
 
 
 def to_pixel(position: np.ndarray) -> np.ndarray:

@@ -1,4 +1,4 @@
-in vec4 shade;
+in vec4 line_color;
 out vec4 color;
 
-void main() { color = shade; }
+void main() { color = line_color; }

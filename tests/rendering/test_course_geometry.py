@@ -8,7 +8,7 @@ import trimesh
 
 from minigolf_env.courses import Course, Part, Tee, load_course
 from minigolf_env.physics import TriangleMesh
-from minigolf_env.rendering.scene import CHUNK, build_scene, part_corners
+from minigolf_env.rendering.course_geometry import MAX_CHUNK_TRIANGLES, build_course_geometry, part_corners
 
 
 def part(mesh: trimesh.Trimesh, material: str = "stone") -> Part:
@@ -26,8 +26,8 @@ def course_of(*parts: Part) -> Course:
 def test_every_triangle_is_drawn_once_and_looks_the_same_way(name: str) -> None:
     """As sets, the triangles of scene and course agree, winding included."""
     course = load_course(name)
-    scene = build_scene(course)
-    drawn = scene.vertices["position"][scene.indices.reshape(-1, 3)].astype(np.float32)
+    geometry = build_course_geometry(course)
+    drawn = geometry.vertices["position"][geometry.indices.reshape(-1, 3)].astype(np.float32)
     given = np.concatenate([p.mesh.triangles for p in course.parts]).astype(np.float32)
     assert sorted(map(bytes, drawn)) == sorted(map(bytes, given))
 
@@ -60,12 +60,12 @@ def test_wood_has_a_grain_along_the_board() -> None:
 
 
 def test_large_meshes_come_in_chunks_within_their_boxes() -> None:
-    """No chunk has more than CHUNK triangles; together they are everything; each lies in its box."""
-    scene = build_scene(course_of(part(trimesh.creation.icosphere(subdivisions=5, radius=3.0))))
-    assert len(scene.chunks) > 4 and max(chunk.size for chunk in scene.chunks) <= 3 * CHUNK
-    assert sum(chunk.size for chunk in scene.chunks) == len(scene.indices) == 3 * 20480
-    for chunk in scene.chunks:
-        points = scene.vertices["position"][scene.indices[chunk.start : chunk.start + chunk.size]]
+    """No chunk has more than MAX_CHUNK_TRIANGLES triangles; together they are everything; each lies in its box."""
+    geometry = build_course_geometry(course_of(part(trimesh.creation.icosphere(subdivisions=5, radius=3.0))))
+    assert len(geometry.chunks) > 4 and max(chunk.size for chunk in geometry.chunks) <= 3 * MAX_CHUNK_TRIANGLES
+    assert sum(chunk.size for chunk in geometry.chunks) == len(geometry.indices) == 3 * 20480
+    for chunk in geometry.chunks:
+        points = geometry.vertices["position"][geometry.indices[chunk.start : chunk.start + chunk.size]]
         assert (points >= chunk.lower - 1e-6).all() and (points <= chunk.upper + 1e-6).all()
     # Neighbours: chunks are much smaller than the whole.
-    assert np.mean([np.ptp([c.lower, c.upper], axis=0)[:2].max() for c in scene.chunks]) < 4.0
+    assert np.mean([np.ptp([c.lower, c.upper], axis=0)[:2].max() for c in geometry.chunks]) < 4.0
