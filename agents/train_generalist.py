@@ -31,7 +31,7 @@ from torch.nn.functional import binary_cross_entropy_with_logits, mse_loss, soft
 
 from agents import runs
 from minigolf_env._atomic_io import atomic_write
-from minigolf_env.courses.procedural import PROCEDURAL
+from minigolf_env.courses.procedural import PROCEDURAL_COURSE
 from minigolf_env.envs.task import TaskBatch
 from minigolf_env.evaluation.evaluate import EvaluationResult
 from minigolf_env.players.mlp import MLP, Layer
@@ -54,7 +54,7 @@ NEAR = ((0.003, 0.3), (0.01, 0.5))
 class Args(runs.Run):
     """The command line."""
 
-    course: str = PROCEDURAL
+    course: str = PROCEDURAL_COURSE
     difficulties: tuple[str, ...] = ("easy", "medium", "medium")
     """Of the levels, learned as often as they are named, and scored."""
     num_levels: int | None = 500_000
@@ -90,7 +90,7 @@ class Args(runs.Run):
     @property
     def learned(self) -> list[dict[str, Any]]:
         """One for each time that a difficulty is named."""
-        if self.course != PROCEDURAL:
+        if self.course != PROCEDURAL_COURSE:
             return [self.game]
         return [{**self.game, "difficulty": difficulty} for difficulty in self.difficulties]
 

@@ -29,7 +29,7 @@ from agents.cluster import connect, import_ray
 from agents.train_ppo import Settings
 from minigolf_env._atomic_io import commit
 from minigolf_env.courses import load_course
-from minigolf_env.courses.procedural import PROCEDURAL
+from minigolf_env.courses.procedural import PROCEDURAL_COURSE
 from minigolf_env.evaluation.evaluate import EvaluationResult
 from minigolf_env.players.policies import load_policy
 
@@ -68,7 +68,7 @@ class Args(Settings):
     @property
     def environment(self) -> dict[str, Any]:
         """The arguments of the environments, with the course itself: its file need not be on the other nodes."""
-        course = self.course if self.course == PROCEDURAL else load_course(self.course)
+        course = self.course if self.course == PROCEDURAL_COURSE else load_course(self.course)
         return {
             **self.game,
             "course": course,

@@ -21,8 +21,8 @@ from tqdm import tqdm
 
 from benchmarks.report import print_table
 from benchmarks.watch import random_putts, stuck, watch
-from minigolf_env.courses.procedural import DIFFICULTIES, GENERATOR
-from minigolf_env.courses.procedural.build import build_level
+from minigolf_env.courses.procedural import DIFFICULTY_NAMES, GENERATOR_VERSION
+from minigolf_env.courses.procedural.level import build_level
 from minigolf_env.envs import MiniGolfEnv, Result, Task
 from minigolf_env.envs.task import FloatArray
 from minigolf_env.evaluation.rollout import search_strokes
@@ -57,7 +57,7 @@ class Args:
     """The first level."""
     balls: int = 25
     """Of random play on each level; each makes four putts."""
-    difficulty: tuple[str, ...] = DIFFICULTIES
+    difficulty: tuple[str, ...] = DIFFICULTY_NAMES
     strokes: int = 10
     """Within which search has to hole out."""
     log: Path | None = None
@@ -136,7 +136,7 @@ def examine_all(difficulty: str, args: Args) -> Iterator[Report]:
     env = MiniGolfEnv("procedural", difficulty=difficulty, tee="fixed", max_strokes=args.strokes + 1)
     known = dict(_read(args.log)) if args.log is not None and args.log.exists() else {}
     for level in tqdm(range(args.first, args.first + args.levels), difficulty, mininterval=10.0):
-        key = f"v{GENERATOR}-{difficulty}-{level}"
+        key = f"v{GENERATOR_VERSION}-{difficulty}-{level}"
         if key not in known:
             known[key] = examine(env, difficulty, level, args)
             if args.log is not None:

@@ -16,7 +16,7 @@ import tyro
 from tqdm import tqdm
 
 from benchmarks.report import print_table
-from minigolf_env.courses.procedural import DIFFICULTIES
+from minigolf_env.courses.procedural import DIFFICULTY_NAMES
 from minigolf_env.envs import MiniGolfEnv
 from minigolf_env.evaluation.report import format_with_interval
 from minigolf_env.evaluation.statistics import mean_interval
@@ -88,7 +88,7 @@ def main(args: Args) -> None:
         ],
     )
     rows = []
-    for difficulty in DIFFICULTIES if args.levels else ():
+    for difficulty in DIFFICULTY_NAMES if args.levels else ():
         env = MiniGolfEnv("procedural", difficulty=difficulty, tee="fixed")
         levels = [{"options": {"level": level}} for level in range(args.levels)]
         rows.append(play(env, planner(look_ahead=False), levels, f"{difficulty}, one putt ahead"))

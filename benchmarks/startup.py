@@ -14,8 +14,8 @@ import tempfile
 import time
 
 from minigolf_env.courses import list_courses
-from minigolf_env.courses.files import read_course
-from minigolf_env.courses.library import DATA
+from minigolf_env.courses.io.toml_course import read_course
+from minigolf_env.courses.library import DATA_DIR
 
 PUTT = "import gymnasium as gym; env = gym.make('minigolf_env:MiniGolf-v0'); env.reset(seed=0); env.step([0.3, 0.1])"
 RUNS = 5
@@ -34,7 +34,7 @@ def loading(name: str) -> float:
     times = []
     for _ in range(RUNS + 1):
         began = time.process_time()
-        read_course(DATA / f"{name}.toml").world()
+        read_course(DATA_DIR / f"{name}.toml").world()
         times.append(time.process_time() - began)
     return statistics.median(times[1:])
 

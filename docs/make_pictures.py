@@ -9,7 +9,7 @@ from PIL import Image
 
 from minigolf_env.apps.course_check import picture
 from minigolf_env.courses import load_course
-from minigolf_env.courses.procedural import DIFFICULTIES, level_name
+from minigolf_env.courses.procedural import DIFFICULTY_NAMES, level_name
 from minigolf_env.envs import MiniGolfEnv
 from minigolf_env.players.search import search
 from minigolf_env.rendering.gl.offscreen import draw
@@ -32,8 +32,8 @@ def hole_in_one(moment: float) -> Image.Image:
 
 def levels(numbers: range, size: tuple[int, int] = (300, 225)) -> Image.Image:
     """Return levels of each difficulty, a row each, in pictures of a size (pixels)."""
-    sheet = Image.new("RGB", (len(numbers) * size[0], len(DIFFICULTIES) * size[1]))
-    for row, difficulty in enumerate(DIFFICULTIES):
+    sheet = Image.new("RGB", (len(numbers) * size[0], len(DIFFICULTY_NAMES) * size[1]))
+    for row, difficulty in enumerate(DIFFICULTY_NAMES):
         for column, number in enumerate(numbers):
             shot = picture(load_course(level_name(difficulty, number)), "orbit", size)
             sheet.paste(Image.fromarray(shot), (column * size[0], row * size[1]))

@@ -142,11 +142,11 @@ def check(file: Annotated[str, tyro.conf.Positional], preview: Path | None = Non
         file: a .toml or .glb file, or a bundled course's name.
         preview: a picture to write, if the hole can be loaded: .png.
     """
-    from minigolf_env.apps.course_check import check as faults_of
+    from minigolf_env.apps.course_check import check as course_errors
     from minigolf_env.apps.course_check import write_preview
     from minigolf_env.courses import CourseError, load_course
 
-    faults = list(faults_of(file))
+    faults = list(course_errors(file))
     for fault in faults:
         print(fault, file=sys.stderr)
     try:

@@ -21,8 +21,8 @@ import minigolf_env
 from minigolf_env import cli
 from minigolf_env.apps.course_check import check
 from minigolf_env.courses import list_courses
-from minigolf_env.courses.files import build_course, parse_description, read_description
-from minigolf_env.courses.library import DATA
+from minigolf_env.courses.io.toml_course import build_course, parse_description, read_description
+from minigolf_env.courses.library import DATA_DIR
 from minigolf_env.envs import MiniGolfEnv, MiniGolfVectorEnv
 from minigolf_env.envs import config as options
 from tests.markdown import PAGES, ROOT, anchors, blocks, inline, links, name, tokens
@@ -217,7 +217,7 @@ def test_the_course_file_in_the_docs_is_complete(monkeypatch: pytest.MonkeyPatch
 @pytest.mark.parametrize("course", list_courses())
 def test_each_hole_has_its_row_and_its_map(course: str) -> None:
     """Par, idea and hole in one as in its file."""
-    file = read_description(DATA / f"{course}.toml")
+    file = read_description(DATA_DIR / f"{course}.toml")
     (row,) = (row for row in rows(COURSES, "Courses") if row[0].startswith(f"[{course}]"))
     assert row[1] == str(file.par) and row[3] == file.about and row[4] == str(list(file.hole_in_one or ()))
     assert (DOCS / "figures" / "maps" / f"{course}.png").is_file()

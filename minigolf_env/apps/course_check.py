@@ -47,10 +47,10 @@ def table() -> str:
 
 def about(name: str) -> str:
     """Return the sentence about a bundled course."""
-    from minigolf_env.courses.files import read_description
-    from minigolf_env.courses.library import DATA
+    from minigolf_env.courses.io.toml_course import read_description
+    from minigolf_env.courses.library import DATA_DIR
 
-    return read_description(DATA / f"{name}.toml").about
+    return read_description(DATA_DIR / f"{name}.toml").about
 
 
 def triangles(course: Course) -> int:

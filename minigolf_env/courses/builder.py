@@ -1,12 +1,12 @@
-"""A hole made in Python: the same as a course file, in a few lines.
+"""Builder of courses in Python: the content of a course file in a few lines.
 
 ::
 
-    hole = Hole("lane with a post", tee=(0.4, 0.5), cup=(4.5, 0.5, 0.0), top_speed=5.0)
-    hole.add("lane", outline=[{"box": (0, 0, 5, 1)}])
-    hole.add("cylinder", at=(2.5, 0.5, -0.05), radius=0.1, height=0.2, surface="stone")
-    course = hole.course()
-    hole.save("post.toml")
+    builder = CourseBuilder("lane with a post", tee=(0.4, 0.5), cup=(4.5, 0.5, 0.0), top_speed=5.0)
+    builder.add("lane", outline=[{"box": (0, 0, 5, 1)}])
+    builder.add("cylinder", at=(2.5, 0.5, -0.05), radius=0.1, height=0.2, surface="stone")
+    course = builder.course()
+    builder.save("post.toml")
 """
 
 from __future__ import annotations
@@ -16,18 +16,18 @@ from typing import Any
 
 from minigolf_env._atomic_io import write_text
 from minigolf_env.courses.course import Course, Point2, Point3
-from minigolf_env.courses.description import CourseFile
-from minigolf_env.courses.files import build_course, describe_data, to_toml
+from minigolf_env.courses.io.toml_course import build_course, to_toml, validate_description
+from minigolf_env.courses.schema.course_file import CourseFile
 
 
-class Hole:
-    """A hole in the making.
+class CourseBuilder:
+    """Builder that collects the parts and surfaces of a course.
 
     Args:
-        name: of the course.
-        tee: x, y of the ball, m; or {"lower": ..., "upper": ..., "height": ...}.
-        cup: the middle of its rim, m; or {"position": ..., "radius": ...}; None: no golf.
-        fields: the others of a course file, such as par, top_speed and route.
+        name: name of the course.
+        tee: start (x, y) of the ball, m; or {"lower": ..., "upper": ..., "height": ...}.
+        cup: centre (x, y, z) of the rim, m; or {"position": ..., "radius": ...}; None: no golf.
+        fields: other keys of a course file, such as par, top_speed and route. Default par with a cup: 2.
     """
 
     def __init__(
@@ -40,37 +40,42 @@ class Hole:
         self._parts: list[dict[str, Any]] = []
         self._surfaces: dict[str, dict[str, Any]] = {}
 
-    def add(self, kind: str, **fields: Any) -> Hole:
-        """Add a part of a kind ("lane", "block", "mesh" ...), with the fields that course files give it."""
+    def add(self, kind: str, **fields: Any) -> CourseBuilder:
+        """Add a part of a kind ("lane", "block", "mesh" ...), with the keys that course files have for it."""
         self._parts.append({"kind": kind, **fields})
         return self
 
-    def surface(self, name: str, **fields: Any) -> Hole:
+    def surface(self, name: str, **fields: Any) -> CourseBuilder:
         """Describe a surface that parts can name."""
         self._surfaces[name] = fields
         return self
 
     def description(self) -> CourseFile:
-        """Return what a course file would hold.
+        """Return the content of the course file.
 
         Raises:
-            CourseError: a field is not what it should be.
+            CourseError: a key is unknown or missing, or a value is not valid.
         """
-        return describe_data({**self._data, "surfaces": self._surfaces, "parts": self._parts}, self._data["name"])
+        return validate_description(
+            {**self._data, "surfaces": self._surfaces, "parts": self._parts}, self._data["name"]
+        )
 
     def course(self, folder: Path | None = None) -> Course:
-        """Return the course; ``folder`` is where mesh files lie.
+        """Return the course.
+
+        Args:
+            folder: folder of the mesh files that parts name; None: there are none.
 
         Raises:
-            CourseError: the hole cannot be built.
+            CourseError: the course cannot be built.
         """
         return build_course(self.description(), folder)
 
     def save(self, path: str | Path) -> None:
-        """Write a course file, and its folder.
+        """Write a course file, and create its folder if necessary.
 
         Raises:
-            CourseError: a field is not what it should be.
+            CourseError: a key is unknown or missing, or a value is not valid.
             OSError: the file cannot be written.
         """
         write_text(path, to_toml(self.description()))

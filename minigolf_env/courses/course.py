@@ -1,6 +1,6 @@
-"""What a course is: records that check themselves, so that every Course that exists can be played.
+"""Course, Part, Tee and Cup: records that validate themselves, so that every Course that exists can be played.
 
-Metres and seconds, z up. "In plan" means x and y.
+Lengths are in metres, times in seconds, z points up.
 """
 
 from __future__ import annotations
@@ -21,40 +21,46 @@ Point3: TypeAlias = tuple[float, float, float]
 Material: TypeAlias = Literal["felt", "wood", "stone", "wall", "cup", "brick", "paint", "water"]
 Color: TypeAlias = tuple[float, float, float]
 
-GOLF_BALL = 0.02135
-"""Radius of a golf ball, m: the smallest the rules of golf allow (diameter 42.67 mm)."""
+GOLF_BALL_RADIUS = 0.02135
+"""Radius of a golf ball, m: the smallest that the rules of golf allow (diameter 42.67 mm)."""
 
-EARTH: Point3 = (0.0, 0.0, -9.81)
-"""Gravity, m/s^2."""
+EARTH_GRAVITY: Point3 = (0.0, 0.0, -9.81)
+"""Gravitational acceleration on Earth, m/s^2."""
+
+CUP_LINER_THICKNESS = 0.003
+"""Thickness of the cup's wall and bottom, m: the visible rim around the hole."""
+
+EMBED_DEPTH = 0.05
+"""Depth by which borders and obstacles reach into the floor, m, so that there is no seam for a ball to touch."""
 
 
 class CourseError(ValueError):
-    """A course, or a request for one, is at fault; the message says what, expected, received and remedy."""
+    """Fault in a course or in a request for one; the message says what is wrong, what was expected, and what to do."""
 
 
 @dataclass(frozen=True)
 class Cup:
-    """The hole to play: a cylinder sunk into the floor.
+    """Cup that the ball is played into: a cylinder sunk into the floor.
 
     Raises:
         CourseError: a value is not finite, or a length not positive.
     """
 
     position: Point3
-    """Centre of the rim, on the floor's level, m."""
+    """Centre of the rim, on the level of the floor, m."""
     radius: float = 0.054
-    """m; the rules of golf's 108 mm across."""
+    """Radius, m; the rules of golf require a diameter of 108 mm."""
     depth: float = 0.10
-    """From the rim to the bottom, m; the least that the rules of golf allow (101.6 mm), rounded."""
+    """Depth from the rim to the bottom, m; the least that the rules of golf allow (101.6 mm), rounded."""
 
     def __post_init__(self) -> None:
-        with faults_of("cup"):
+        with course_errors("cup"):
             finite_array(self.position, (3,), "position", "give x, y, z of the rim's centre in metres.")
             positive_number(self.radius, "radius", "the rules of golf have 0.054 m.")
             positive_number(self.depth, "depth", "0.1 m suits a golf ball.")
 
-    def check_takes(self, ball_radius: float) -> None:
-        """Raise a CourseError unless a ball of this radius (m) fits into the cup and lies below the rim there."""
+    def check_ball_fits(self, ball_radius: float) -> None:
+        """Raise a CourseError unless a ball of this radius (m) fits into the cup and rests below its rim."""
         for what, size in (("radius", self.radius), ("depth", self.depth)):
             if not size > ball_radius:
                 raise CourseError(
@@ -65,21 +71,21 @@ class Cup:
 
 @dataclass(frozen=True)
 class Tee:
-    """The box in plan in which the ball's centre starts; a box without extent is a point.
+    """Rectangle in the xy-plane in which the ball's centre starts; one without extent is a point.
 
     Raises:
         CourseError: a value is not finite, or ``lower`` is above ``upper``.
     """
 
     lower: Point2
-    """Corner of the box with the smallest x and y, m."""
+    """Corner of the rectangle with the smallest x and y, m."""
     upper: Point2
-    """Corner with the largest, m."""
+    """Corner of the rectangle with the largest x and y, m."""
     height: float
-    """Level z of the floor below the ball, m; where the ball starts in the air, that of the ball's lowest point."""
+    """Level z of the floor below the ball, m; if the ball starts in the air, of the ball's lowest point."""
 
     def __post_init__(self) -> None:
-        with faults_of("tee"):
+        with course_errors("tee"):
             lower = finite_array(self.lower, (2,), "lower", "give x, y in metres.")
             upper = finite_array(self.upper, (2,), "upper", "give x, y in metres.")
             finite_array(self.height, (), "height", "give the floor's level in metres.")
@@ -88,13 +94,13 @@ class Tee:
 
     @property
     def centre(self) -> Point2:
-        """The middle of the box in plan, m."""
+        """Centre (x, y) of the rectangle, m."""
         return (self.lower[0] + self.upper[0]) / 2.0, (self.lower[1] + self.upper[1]) / 2.0
 
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """A named piece of a course.
+    """Named solid of a course.
 
     Raises:
         CourseError: the mesh is not closed, the material is unknown, or the colour out of range.
@@ -102,14 +108,14 @@ class Part:
 
     name: str
     mesh: TriangleMesh
-    """Closed, its faces wound so that they look at the ball."""
+    """Closed mesh; its faces are wound so that their normals point to the side of the ball."""
     material: Material
-    """What it looks like; how it plays is its mesh's surface."""
+    """Texture the part is drawn with; its physical properties are those of the mesh's surface."""
     color: Color | None = None
-    """What the material is dyed, red, green and blue in [0, 1] (sRGB); None: its own colour."""
+    """Colour the material is tinted with: sRGB red, green and blue in [0, 1]; None: the material's own colour."""
 
     def __post_init__(self) -> None:
-        with faults_of(f"part {self.name!r}"):
+        with course_errors(f"part {self.name!r}"):
             one_of(self.material, get_args(Material), "material")
             if self.color is not None:
                 shares = finite_array(self.color, (3,), "color", "give red, green, blue in [0, 1].")
@@ -124,34 +130,36 @@ class Part:
 
 @dataclass(frozen=True, eq=False)
 class Course:
-    """A place to play: meshes, where the ball starts, and the cup if there is one. Immutable, compared by identity.
+    """Closed meshes, a tee, and a cup if there is one. Immutable, compared by identity.
 
     Raises:
-        CourseError: a field is not what it says below.
+        CourseError: a field is not valid.
     """
 
     name: str
+    """Name of the course."""
     parts: tuple[Part, ...]
-    """At least one."""
+    """Solids of the course, at least one."""
     tee: Tee
+    """Start of the ball."""
     cup: Cup | None
-    """None: a room to throw a ball in, without golf."""
+    """Cup; None for a course without golf, where a ball is only thrown."""
     par: int | None
-    """Strokes a good player needs, >= 1; None without cup."""
+    """Strokes that a good player needs, >= 1; None without cup."""
     bounds: tuple[Point3, Point3]
-    """Lower and upper corner, m: a ball whose centre leaves the box is out of bounds."""
+    """Lower and upper corner of the bounding box, m: a ball whose centre leaves it is out of bounds."""
     route: tuple[Point2, ...]
-    """The way of play in plan, m: from the tee's centre to the cup, turning tightly around inner corners of the lane;
-    what a ball goes around on the way (obstacles) is left out. Empty without cup."""
+    """Polyline in the xy-plane from the tee's centre to the cup, m. It turns closely around inner corners of the lane
+    and ignores obstacles. Empty without cup."""
     top_speed: float
     """Launch speed of a full putt, m/s."""
-    ball_radius: float = GOLF_BALL
+    ball_radius: float = GOLF_BALL_RADIUS
     """m."""
-    gravity: Point3 = EARTH
+    gravity: Point3 = EARTH_GRAVITY
     """m/s^2."""
 
     def __post_init__(self) -> None:
-        with faults_of(f"course {self.name!r}"):
+        with course_errors(f"course {self.name!r}"):
             if not self.parts or not all(isinstance(part, Part) for part in self.parts):
                 raise CourseError(f"parts: expected at least one Part, received {self.parts!r:.80}.")
             positive_number(self.top_speed, "top_speed", "give the launch speed of a full putt in m/s.")
@@ -161,11 +169,15 @@ class Course:
             self._check_golf()
 
     def world(self, dt: float = 1 / 120, impact: str = "average") -> World:
-        """Return the course's compiled physics; ``dt`` in seconds, ``impact`` as in World.
+        """Return the physics World of the course.
+
+        Args:
+            dt: time step, s.
+            impact: impact model, as in World.
 
         Raises:
-            ValueError: ``dt`` or ``impact`` is not what World takes.
-            CourseError: a ball on the tee, or in the cup, would be in a wall.
+            ValueError: World does not accept ``dt`` or ``impact``.
+            CourseError: a ball on the tee or in the cup would overlap a wall.
         """
         world = World(
             [part.mesh for part in self.parts],
@@ -175,12 +187,12 @@ class Course:
             impact=impact,
             bounds=self.bounds,
         )
-        with faults_of(f"course {self.name!r}"):
-            world.check_collision_free(sorted(set(self._places())))
+        with course_errors(f"course {self.name!r}"):
+            world.check_collision_free(sorted(set(self._required_positions())))
         return world
 
-    def _places(self) -> Iterator[Point3]:
-        """Yield centres where the ball has to have room: over the tee, and at the cup's bottom."""
+    def _required_positions(self) -> Iterator[Point3]:
+        """Yield ball centres that must be in bounds and free of collision: on the tee, and at the cup's bottom."""
         tee = zip(self.tee.lower, self.tee.centre, self.tee.upper, strict=True)
         for x, y in itertools.product(*tee):
             yield x, y, self.tee.height + self.ball_radius
@@ -190,10 +202,10 @@ class Course:
 
     def _check_bounds(self) -> None:
         lower, upper = finite_array(self.bounds, (2, 3), "bounds", "give the lower and the upper corner.")
-        for place in self._places():
-            if not (lower < place).all() or not (place < upper).all():
+        for position in self._required_positions():
+            if not (lower < position).all() or not (position < upper).all():
                 raise CourseError(
-                    f"bounds: expected a box around the ball at {place}, received {self.bounds}; enlarge the bounds."
+                    f"bounds: expected a box around the ball at {position}, received {self.bounds}; enlarge the bounds."
                 )
 
     def _check_golf(self) -> None:
@@ -209,7 +221,7 @@ class Course:
                 f"gravity: expected one that pulls down where there is a cup, received {self.gravity!r}; "
                 "the Earth's is (0, 0, -9.81) m/s^2."
             )
-        self.cup.check_takes(self.ball_radius)
+        self.cup.check_ball_fits(self.ball_radius)
         if type(self.par) is not int or self.par < 1:
             raise CourseError(f"par: expected an integer >= 1, received {self.par!r}; count a good player's strokes.")
         route = finite_array(self.route, (None, 2), "route", "give one x, y a point.")
@@ -221,18 +233,18 @@ class Course:
             )
         if (np.diff(route, axis=0) == 0.0).all(axis=1).any():
             raise CourseError(
-                f"route: expected legs with a length, received {self.route!r}; leave repeated points out."
+                f"route: expected segments with a length, received {self.route!r}; remove repeated points."
             )
 
     def __deepcopy__(self, memo: dict[int, object]) -> Course:
-        """Return the course itself: it is immutable, and what is drawn and computed of it is kept by identity."""
+        """Return the course itself: it is immutable, and caches of its world and its rendering use its identity."""
         return self
 
 
 @contextmanager
-def faults_of(whose: str) -> Iterator[None]:
-    """Turn the ValueErrors of checks into CourseErrors that say whose fault it is."""
+def course_errors(subject: str) -> Iterator[None]:
+    """Convert ValueErrors into CourseErrors whose message begins with the subject of the fault."""
     try:
         yield
     except ValueError as error:
-        raise CourseError(f"{whose}: {error}") from error
+        raise CourseError(f"{subject}: {error}") from error

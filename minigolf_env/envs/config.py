@@ -13,9 +13,15 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import ArrayLike, NDArray
 
 from minigolf_env._validation import finite_array, integer, one_of, positive_number, unknown_choice_message
-from minigolf_env.courses import NINE, ROUND, Course, list_courses, load_course
-from minigolf_env.courses.library import ROOMS
-from minigolf_env.courses.procedural import DIFFICULTIES, LEVELS_KEPT, PROCEDURAL, is_level_name, level_name
+from minigolf_env.courses import ROUND_COURSE, ROUND_HOLES, Course, list_courses, load_course
+from minigolf_env.courses.library import ROOM_NAMES
+from minigolf_env.courses.procedural import (
+    DIFFICULTY_NAMES,
+    LEVEL_CACHE_SIZE,
+    PROCEDURAL_COURSE,
+    is_level_name,
+    level_name,
+)
 from minigolf_env.envs.hole_params import HoleParams
 from minigolf_env.envs.observations import OBSERVATIONS, ObservationType
 from minigolf_env.envs.samplers import LevelSampler, SequentialTasks, SingleTask, TaskSampler
@@ -111,13 +117,14 @@ def build_task_sampler(
     """
     chosen = {"difficulty": difficulty, "start_level": start_level, "num_levels": num_levels}
     given: dict[str, Any] = {name: value for name, value in chosen.items() if value is not None}
-    if course != PROCEDURAL:
+    if course != PROCEDURAL_COURSE:
         if given:
             raise ValueError(
-                f"{', '.join(given)}: expected with course={PROCEDURAL!r} only, received {given} with {course!r:.80}."
+                f"{', '.join(given)}: expected with course={PROCEDURAL_COURSE!r} only, "
+                f"received {given} with {course!r:.80}."
             )
-        return _build_round(rules) if course == ROUND else SingleTask(build_task(_check_name(course), **rules))
-    known = one_of(given.get("difficulty", DIFFICULTIES[0]), DIFFICULTIES, "difficulty")
+        return _build_round(rules) if course == ROUND_COURSE else SingleTask(build_task(_check_name(course), **rules))
+    known = one_of(given.get("difficulty", DIFFICULTY_NAMES[0]), DIFFICULTY_NAMES, "difficulty")
     levels = LevelSampler(
         functools.partial(_build_level, known, rules), given.get("start_level", 0), given.get("num_levels", 500)
     )
@@ -166,20 +173,20 @@ def build_task(
 def _check_name(course: str | Course) -> str | Course:
     """Return a course that is no unknown name, or raise a ValueError: unlike load_course's, it knows sets of holes."""
     if isinstance(course, str) and not Path(course).suffix and not is_level_name(course):
-        return one_of(course, (*list_courses(), ROUND, PROCEDURAL, *ROOMS), "course")
+        return one_of(course, (*list_courses(), ROUND_COURSE, PROCEDURAL_COURSE, *ROOM_NAMES), "course")
     return course
 
 
 def _build_round(rules: dict[str, Any]) -> SequentialTasks:
     """Return the round; what is wrong with the rules is said here, not at a later hole."""
-    nine = SequentialTasks(functools.partial(_build_hole, rules), len(NINE))
+    nine = SequentialTasks(functools.partial(_build_hole, rules), len(ROUND_HOLES))
     for number in range(1, 1 + (1 if rules.get("cup_radius") is None else nine.number)):
         nine.get(number)
     return nine
 
 
 def _build_hole(rules: dict[str, Any], number: int) -> Task:
-    return replace(build_task(NINE[number - 1], **rules), index=number)
+    return replace(build_task(ROUND_HOLES[number - 1], **rules), index=number)
 
 
 def _build_level(difficulty: str, rules: dict[str, Any], level: int) -> Task:
@@ -255,7 +262,7 @@ def check_noise(value: tuple[float, float]) -> tuple[float, float]:
     return degrees, share
 
 
-@functools.lru_cache(maxsize=LEVELS_KEPT)
+@functools.lru_cache(maxsize=LEVEL_CACHE_SIZE)
 def _world(course: Course, dt: float, impact: str) -> World:
     """Return the course's world; worlds are immutable, so environments share them."""
     world: World = course.world(dt=dt, impact=impact)

@@ -70,9 +70,9 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
     With ``course="procedural"`` every episode is played on a level drawn from a set: ``num_levels`` of them from
     ``start_level`` on. Levels outside the set are for tests. ``reset(options={"level": 17})`` plays any level.
 
-    With ``course="round"`` the nine holes of ``minigolf_env.courses.NINE`` are played in turn, an episode each, then
-    the first again. A reset with a seed begins with the first; ``reset(options={"hole": 3})`` plays the third, and goes
-    on from there.
+    With ``course="round"`` the nine holes of ``minigolf_env.courses.ROUND_HOLES`` are played in turn, an episode
+    each, then the first again. A reset with a seed begins with the first; ``reset(options={"hole": 3})`` plays the
+    third, and goes on from there.
 
     ## End
     ``terminated`` when the ball is in the cup, and after ``max_strokes`` (a rule of the game: the strokes left are

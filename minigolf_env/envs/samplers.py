@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from minigolf_env._validation import integer
-from minigolf_env.courses import NINE, ROUND, Course
+from minigolf_env.courses import ROUND_COURSE, ROUND_HOLES, Course
 from minigolf_env.envs.task import Task
 
 ALL = 2**31
@@ -120,7 +120,7 @@ def round_reset_options(course: str | Course, episode: int) -> dict[str, int]:
 
     For those who seed every episode, which would begin the round anew each time. Empty on other courses.
     """
-    return {SequentialTasks.index_name: 1 + episode % len(NINE)} if course == ROUND else {}
+    return {SequentialTasks.index_name: 1 + episode % len(ROUND_HOLES)} if course == ROUND_COURSE else {}
 
 
 TaskSampler = SingleTask | SequentialTasks | LevelSampler

@@ -10,7 +10,7 @@ import numpy as np
 from tqdm import tqdm
 
 from minigolf_env._validation import one_of
-from minigolf_env.courses.procedural import DIFFICULTIES, PROCEDURAL
+from minigolf_env.courses.procedural import DIFFICULTY_NAMES, PROCEDURAL_COURSE
 from minigolf_env.envs import MiniGolfEnv, MiniGolfVectorEnv
 from minigolf_env.evaluation.rollout import EpisodeResult, run_episode, run_episodes_batched, search_strokes
 from minigolf_env.evaluation.statistics import Interval, mean_interval, ratio_interval, wilson_interval
@@ -55,7 +55,7 @@ class LevelSetResult:
 
 def benchmark(
     name: str,
-    difficulties: Sequence[str] = DIFFICULTIES,
+    difficulties: Sequence[str] = DIFFICULTY_NAMES,
     levels: int = 200,
     max_strokes: int = 10,
     seed: int = 0,
@@ -66,7 +66,7 @@ def benchmark(
 
     Args:
         name: a policy, as ``load_policy`` takes it.
-        difficulties: names of ``courses.procedural.DIFFICULTIES``.
+        difficulties: names of ``courses.procedural.DIFFICULTY_NAMES``.
         levels: number of levels in each set, at least 1.
         max_strokes: largest number of strokes of an episode.
         seed: seed of a random policy.
@@ -77,8 +77,8 @@ def benchmark(
     if levels < 1:
         raise ValueError(f"levels: expected at least 1, received {levels}.")
     if not difficulties:
-        raise ValueError(f"difficulty: expected one or more of {', '.join(DIFFICULTIES)}, received none.")
-    checked = [one_of(difficulty, DIFFICULTIES, "difficulty") for difficulty in difficulties]
+        raise ValueError(f"difficulty: expected one or more of {', '.join(DIFFICULTY_NAMES)}, received none.")
+    checked = [one_of(difficulty, DIFFICULTY_NAMES, "difficulty") for difficulty in difficulties]
     observation = load_policy(name, seed).observation
     for difficulty in checked:
         env_args: dict[str, Any] = {
@@ -90,7 +90,7 @@ def benchmark(
         for set_name, first in (("train", FIRST_TRAINING_LEVEL), ("held out", FIRST_HELD_OUT_LEVEL)):
             policy = load_policy(name, seed)  # A new one: a set's scores do not depend on the sets before it.
             numbers = tqdm(range(first, first + levels), f"{difficulty}, {set_name}", leave=False, disable=None)
-            env = MiniGolfEnv(PROCEDURAL, **env_args)
+            env = MiniGolfEnv(PROCEDURAL_COURSE, **env_args)
             results, references = [], []
             for level in numbers:
                 env.reset(options={"level": level})
@@ -98,7 +98,7 @@ def benchmark(
                 if not isinstance(policy, BatchPolicy):
                     results.append(run_episode(env, policy, None, {"level": level}))
             if isinstance(policy, BatchPolicy):
-                envs = MiniGolfVectorEnv(levels, PROCEDURAL, start_level=first, num_levels=1, **env_args)
+                envs = MiniGolfVectorEnv(levels, PROCEDURAL_COURSE, start_level=first, num_levels=1, **env_args)
                 results = run_episodes_batched(envs, policy, None, {"level": list(range(first, first + levels))})
             yield _summarize(difficulty, set_name, first, results, references)
 

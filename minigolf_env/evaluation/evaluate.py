@@ -11,7 +11,7 @@ import numpy as np
 from tqdm import tqdm
 
 from minigolf_env._validation import one_of
-from minigolf_env.courses.procedural import DIFFICULTIES, PROCEDURAL
+from minigolf_env.courses.procedural import DIFFICULTY_NAMES, PROCEDURAL_COURSE
 from minigolf_env.envs import MiniGolfEnv, MiniGolfVectorEnv, round_reset_options
 from minigolf_env.envs.samplers import LevelSampler
 from minigolf_env.evaluation.rollout import EpisodeResult, run_episode, run_episodes_batched
@@ -101,11 +101,11 @@ def evaluate(
         "max_strokes": max_strokes,
         "putt_noise": putt_noise,
     }
-    if course == PROCEDURAL:
-        difficulty = one_of(DIFFICULTIES[0] if difficulty is None else difficulty, DIFFICULTIES, "difficulty")
+    if course == PROCEDURAL_COURSE:
+        difficulty = one_of(DIFFICULTY_NAMES[0] if difficulty is None else difficulty, DIFFICULTY_NAMES, "difficulty")
         env_args |= {"difficulty": difficulty, "tee": "fixed"}
     elif difficulty is not None:
-        raise ValueError(f"difficulty: expected with course={PROCEDURAL!r} only, received {difficulty!r}.")
+        raise ValueError(f"difficulty: expected with course={PROCEDURAL_COURSE!r} only, received {difficulty!r}.")
     starts = [_EpisodeStart.of(course, first_seed, k) for k in range(episodes)]
     if isinstance(policy, BatchPolicy) and not watch:
         results = _run_batches(policy, course, starts, env_args)
@@ -145,7 +145,7 @@ class _EpisodeStart(NamedTuple):
     def of(course: str, first_seed: int, episode: int) -> _EpisodeStart:
         """Return the start of an episode, counted from 0."""
         seed = first_seed + episode
-        if course == PROCEDURAL:
+        if course == PROCEDURAL_COURSE:
             return _EpisodeStart(seed, {LevelSampler.index_name: seed})
         return _EpisodeStart(seed, round_reset_options(course, episode))
 
@@ -157,7 +157,7 @@ def _run_batches(
     for i in range(0, len(starts), MAX_BATCH_EPISODES):
         batch = starts[i : i + MAX_BATCH_EPISODES]
         # Environments that have ended are reset to uncounted episodes. With one level no further levels are generated.
-        levels: dict[str, Any] = {"start_level": batch[0].seed, "num_levels": 1} if course == PROCEDURAL else {}
+        levels: dict[str, Any] = {"start_level": batch[0].seed, "num_levels": 1} if course == PROCEDURAL_COURSE else {}
         envs = MiniGolfVectorEnv(len(batch), course, **env_args, **levels)
         options = {key: [start.options[key] for start in batch] for key in batch[0].options}
         results += run_episodes_batched(envs, policy, batch[0].seed, options)

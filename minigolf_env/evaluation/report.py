@@ -15,7 +15,7 @@ from rich.table import Table
 
 from minigolf_env import __version__
 from minigolf_env._atomic_io import write_text
-from minigolf_env.courses.procedural import GENERATOR
+from minigolf_env.courses.procedural import GENERATOR_VERSION
 from minigolf_env.evaluation.benchmark import LevelSetResult
 from minigolf_env.evaluation.evaluate import EvaluationResult
 from minigolf_env.evaluation.statistics import Interval
@@ -33,7 +33,7 @@ def write_json_report(path: Path, *libraries: str, **report: Any) -> None:
         report: the content.
     """
     versions = {name: metadata.version(name) for name in ("gymnasium", "numpy", "numba", *libraries)}
-    versions |= {"minigolf_env": __version__, "levels": str(GENERATOR), "python": platform.python_version()}
+    versions |= {"minigolf_env": __version__, "levels": str(GENERATOR_VERSION), "python": platform.python_version()}
     text = json.dumps(_finite({**report, "versions": versions}), indent=2, allow_nan=False)
     write_text(path, text + "\n")
 
@@ -68,7 +68,7 @@ def print_evaluations(results: Sequence[EvaluationResult]) -> None:
 
 def print_benchmark(policy: str, results: Sequence[LevelSetResult]) -> None:
     """Print the benchmark of a policy as one table, a row for each set of levels."""
-    table = Table(title=f"{policy} on levels v{GENERATOR}, [95 % confidence intervals]")
+    table = Table(title=f"{policy} on levels v{GENERATOR_VERSION}, [95 % confidence intervals]")
     for column in ("difficulty", "levels", "episodes", "mean strokes", "relative to search", "holed out"):
         table.add_column(column, justify="left" if column in ("difficulty", "levels") else "right")
     for result in results:

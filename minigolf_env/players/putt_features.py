@@ -29,8 +29,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from minigolf_env.courses.procedural.build import TOP_SPEED, WOOD
-from minigolf_env.courses.procedural.features import ROLLING
+from minigolf_env.courses.procedural.lane_features import FELT_ROLLING_RESISTANCE
+from minigolf_env.courses.procedural.level import LEVEL_TOP_SPEED, WOOD_SURFACE
 from minigolf_env.envs.observations.bounce_rays import (
     FEATURES_PER_SEGMENT,
     MAX_BOUNCE_RAY_LENGTH,
@@ -42,10 +42,10 @@ from minigolf_env.envs.task import STATE_FEATURES
 
 Array = NDArray[np.float32]
 
-MAX_ROLL = TOP_SPEED**2 / (2.0 * ROLLING * 9.81)
+MAX_ROLL = LEVEL_TOP_SPEED**2 / (2.0 * FELT_ROLLING_RESISTANCE * 9.81)
 """Roll distance of a putt at top speed, m."""
 
-ROLL_KEPT_PER_BOUNCE = WOOD.damping**2
+ROLL_KEPT_PER_BOUNCE = WOOD_SURFACE.damping**2
 """Share of the roll distance that is left after a bounce."""
 
 PARALLEL_COSINE = 0.97
@@ -196,7 +196,9 @@ def putt_features(observations: NDArray[Any], directions: NDArray[Any], roll_dis
         is_slow = np.where(roll_at_cup > 0.0, np.exp(-np.maximum(roll_at_cup, 0.0) / 3.0), 0.0)
         by_roll += [*_scales(roll_at_cup, 1.0, 8.0), np.exp(-np.square(miss / 0.04))[..., None] * is_slow]
         # Subtract the roll that the segment, its climb and the bounce at its end take.
-        roll = (roll - (segment.length + (segment.height - height) / ROLLING)[..., None]) * ROLL_KEPT_PER_BOUNCE
+        roll = (
+            roll - (segment.length + (segment.height - height) / FELT_ROLLING_RESISTANCE)[..., None]
+        ) * ROLL_KEPT_PER_BOUNCE
         height = segment.height
     by_roll += _scales(np.hypot(rest_to_cup[..., 0], rest_to_cup[..., 1]), 4.0, 0.5)
     # Join the features.

@@ -10,14 +10,14 @@ import pytest
 from minigolf_env import cli
 from minigolf_env.apps import course_check as catalogue
 from minigolf_env.courses import list_courses, load_course
-from minigolf_env.courses.builder import Hole
+from minigolf_env.courses.builder import CourseBuilder
 
 LANE = [{"box": (0, 0, 3, 1)}]
 
 
-def hole(cup: tuple[float, float, float] = (2.5, 0.5, 0.0)) -> Hole:
+def hole(cup: tuple[float, float, float] = (2.5, 0.5, 0.0)) -> CourseBuilder:
     """Return a plain lane."""
-    return Hole("plain", tee=(0.4, 0.5), cup=cup, top_speed=5.0).add("lane", outline=LANE)
+    return CourseBuilder("plain", tee=(0.4, 0.5), cup=cup, top_speed=5.0).add("lane", outline=LANE)
 
 
 def test_the_table_has_a_line_for_each_course() -> None:
@@ -36,7 +36,7 @@ def test_nothing_is_wrong_with_bundled_courses(name: str) -> None:
 def test_faults_of_a_hole_are_found() -> None:
     """Tee in a wall or over nothing, cup covered, beside the floor, or behind walls."""
 
-    def faults(one: Hole) -> str:
+    def faults(one: CourseBuilder) -> str:
         return " ".join(catalogue.check(one.course()))
 
     assert faults(hole()) == ""
@@ -45,7 +45,7 @@ def test_faults_of_a_hole_are_found() -> None:
     walls = [{"box": (1.9, -0.05, 2.0, 1.05)}]
     high = hole().add("block", outline=walls, top=1.9)
     assert "expected search to hole out within 10 strokes" in faults(high)
-    no_floor = Hole("x", tee=(3.3, 0.5), cup=(2.5, 0.5, 0.0), bounds=((-1, -1, -1), (4, 2, 2)))
+    no_floor = CourseBuilder("x", tee=(3.3, 0.5), cup=(2.5, 0.5, 0.0), bounds=((-1, -1, -1), (4, 2, 2)))
     assert "expected a floor below" in faults(no_floor.add("lane", outline=LANE, border=0))
 
 

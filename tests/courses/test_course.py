@@ -13,9 +13,8 @@ import numpy as np
 import pytest
 
 from minigolf_env.courses import CourseError, Cup, Tee, list_courses, load_course, par_of
-from minigolf_env.courses.builder import Hole
-from minigolf_env.courses.shapes import SurfaceRecord
-from minigolf_env.courses.surfaces import known_surfaces, stimp_rolling
+from minigolf_env.courses.builder import CourseBuilder
+from minigolf_env.courses.schema.surfaces import SurfaceRecord, collect_surfaces, rolling_resistance_from_stimp
 from minigolf_env.envs import MiniGolfEnv
 from minigolf_env.physics import Status, Surface
 
@@ -71,7 +70,7 @@ def test_a_world_is_the_course_with_its_time_step() -> None:
     gone = world.simulate(start, (0.0, 0.0, 500.0), max_time=0.5)
     assert gone.status == Status.OUT_OF_BOUNDS
     for x, y in itertools.product((0.2, 1.0), (0.325, 0.925)):
-        hole = Hole("post", tee={"lower": (0.2, 0.325), "upper": (1.0, 0.925)})
+        hole = CourseBuilder("post", tee={"lower": (0.2, 0.325), "upper": (1.0, 0.925)})
         hole.add("lane", outline=[{"box": (0, 0, 3, 1.25)}]).add("cylinder", at=(x, y, -0.1), radius=0.03, height=0.2)
         with pytest.raises(CourseError, match="is inside 'cylinder 2'"):
             hole.course().world()
@@ -91,10 +90,10 @@ def test_records_check_each_field() -> None:
             make()
     assert Tee((0.0, 1.0), (0.0, 3.0), 0.0).centre == (0.0, 2.0)
     cup = Cup((0.0, 0.0, 0.0), 0.05, 0.03)
-    cup.check_takes(0.029)
+    cup.check_ball_fits(0.029)
     for radius, message in ((0.03, "cup depth: expected more"), (0.06, "cup radius: expected more")):
         with pytest.raises(CourseError, match=message):
-            cup.check_takes(radius)
+            cup.check_ball_fits(radius)
     course = load_course("dogleg")
     part = course.parts[0]
     for color in ((0.0, 0.5, 1.01), (-0.01, 0.5, 1.0), (0.5, 0.5)):
@@ -120,14 +119,14 @@ def test_records_check_each_field() -> None:
 @pytest.mark.parametrize("stimp", [6.0, 10.0, 13.5])
 def test_a_green_of_a_stimp_brakes_a_ball_within_so_many_feet(stimp: float) -> None:
     """Let go at 1.829 m/s on level ground; what is not said is the default; rolling goes before stimp."""
-    assert 1.829**2 / (2.0 * 9.81 * stimp_rolling(stimp)) == pytest.approx(0.3048 * stimp)
+    assert 1.829**2 / (2.0 * 9.81 * rolling_resistance_from_stimp(stimp)) == pytest.approx(0.3048 * stimp)
     described = {
         "felt": SurfaceRecord(stimp=stimp),
         "mat": SurfaceRecord(rolling=0.2, stimp=stimp, restitution=0.1),
         "plain": SurfaceRecord(damping=0.4, tangential=0.9, material="stone", color="#010203"),
     }
-    looks = known_surfaces(described)
-    assert looks["felt"].surface.rolling == stimp_rolling(stimp) and looks["mat"].surface.rolling == 0.2
+    looks = collect_surfaces(described)
+    assert looks["felt"].surface.rolling == rolling_resistance_from_stimp(stimp) and looks["mat"].surface.rolling == 0.2
     plain = looks["plain"].surface
     assert (plain.damping, plain.tangential, plain.rolling) == (0.4, 0.9, Surface.rolling)
     assert (looks["plain"].material, looks["plain"].color) == ("stone", "#010203")
@@ -143,7 +142,9 @@ def test_par_is_known_without_building(name: str) -> None:
 def test_a_file_that_changed_is_read_again(tmp_path: Path) -> None:
     """As long as it stays as it is, the same request gives the same course."""
     path = tmp_path / "lane.toml"
-    Hole("lane", tee=(0.3, 0.5), cup=(2.5, 0.5, 0.0), par=2).add("lane", outline=[{"box": (0, 0, 3, 1)}]).save(path)
+    CourseBuilder("lane", tee=(0.3, 0.5), cup=(2.5, 0.5, 0.0), par=2).add("lane", outline=[{"box": (0, 0, 3, 1)}]).save(
+        path
+    )
     first = load_course(path)
     assert load_course(path) is load_course(str(path)) is first and load_course(path, cup_radius=0.06) is not first
     path.write_text(path.read_text().replace("par = 2", "par = 3"))

@@ -213,7 +213,7 @@ def test_courses_are_found_by_name() -> None:
         ({"name": "dog-leg"}, r"expected one of .*, received 'dog-leg'; did you mean 'dogleg'\?"),
         ({"name": "procedural"}, r"endless levels; name one of them, such as 'procedural-v1-easy-17'"),
         ({"name": "windmill"}, "expected one of 'straight', 'dogleg', .*'room', received 'windmill'"),
-        ({"name": "holes/nine.toml"}, "expected a course file, received 'holes/nine.toml', which is not there"),
+        ({"name": "holes/nine.toml"}, "expected a course file, received 'holes/nine.toml', which does not exist"),
         ({"name": "nine.glb"}, "expected a course file, received 'nine.glb'"),
         ({"name": "dogleg", "cup_radius": -0.1}, "cup_radius: expected a number > 0, received -0.1"),
         ({"name": "dogleg", "cup_radius": "wide"}, "cup_radius: expected numbers"),

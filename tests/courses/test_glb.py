@@ -16,10 +16,10 @@ import pytest
 import trimesh
 
 from minigolf_env.courses import Course, CourseError, list_courses, load_course
-from minigolf_env.courses.builder import Hole
-from minigolf_env.courses.glb import to_glb
-from minigolf_env.courses.gltf import EXACT, Object, read_scene, write_scene
-from minigolf_env.courses.limits import Limits
+from minigolf_env.courses.builder import CourseBuilder
+from minigolf_env.courses.io.glb_course import to_glb
+from minigolf_env.courses.io.gltf_scene import EXACT_VERTICES_KEY, SceneObject, read_scene, write_scene
+from minigolf_env.courses.schema.limits import Limits
 from minigolf_env.physics import Status
 
 HOLE = {"name": "made", "par": 2, "top_speed": 4.0}
@@ -50,7 +50,11 @@ def test_a_course_written_and_read_again_is_the_same_bits(name: str, tmp_path: P
 def test_a_cup_of_its_own_depth_is_kept(tmp_path: Path) -> None:
     """As its radius is."""
     cup = {"position": (2.5, 0.5, 0.0), "radius": 0.06, "depth": 0.2}
-    made = Hole("deep", tee=(0.3, 0.5), cup=cup).add("lane", outline=[{"box": (0, 0, 3, 1)}], thickness=0.3).course()
+    made = (
+        CourseBuilder("deep", tee=(0.3, 0.5), cup=cup)
+        .add("lane", outline=[{"box": (0, 0, 3, 1)}], thickness=0.3)
+        .course()
+    )
     path = tmp_path / "deep.glb"
     path.write_bytes(to_glb(made))
     assert load_course(path).cup == made.cup and made.cup is not None and made.cup.depth == 0.2
@@ -74,19 +78,19 @@ def test_other_programs_read_it(tmp_path: Path) -> None:
     assert np.allclose(scene.bounds, [[-0.07, -0.123, -2.57], [4.07, 0.19, 0.07]], atol=0.01)
 
 
-def solid(name: str, size: tuple[float, float, float], at: tuple[float, float, float], **extras: Any) -> Object:
+def solid(name: str, size: tuple[float, float, float], at: tuple[float, float, float], **extras: Any) -> SceneObject:
     """Return a box as a 3D program would have it: corners apart for each face."""
     box = trimesh.creation.box(size)
     box.apply_translation(at)
     box.unmerge_vertices()
-    return Object(name, (0.0, 0.0, 0.0), extras, np.array(box.vertices), np.array(box.faces))
+    return SceneObject(name, (0.0, 0.0, 0.0), extras, np.array(box.vertices), np.array(box.faces))
 
 
-def by_hand(**change: Object | None) -> list[Object]:
+def by_hand(**change: SceneObject | None) -> list[SceneObject]:
     """Return a hole of boxes and empties; ``change`` replaces objects, or drops them."""
     objects = {
-        "tee": Object("tee", (-1.2, 0.0, 0.0), {}, None, None),
-        "cup": Object("Cup", (1.0, 0.2, 0.0), {"radius": 0.06}, None, None),
+        "tee": SceneObject("tee", (-1.2, 0.0, 0.0), {}, None, None),
+        "cup": SceneObject("Cup", (1.0, 0.2, 0.0), {"radius": 0.06}, None, None),
         "floor": solid("Floor", (3.0, 1.0, 0.2), (0.0, 0.0, -0.1)),
         "north": solid("wood.001", (3.2, 0.1, 0.3), (0.0, 0.55, 0.0)),
         "south": solid("wood.002", (3.2, 0.1, 0.3), (0.0, -0.55, 0.0)),
@@ -96,16 +100,16 @@ def by_hand(**change: Object | None) -> list[Object]:
     return [one for one in {**objects, **change}.values() if one is not None]
 
 
-def write(objects: list[Object], path: Path, exact: bool = False) -> Path:
+def write(objects: list[SceneObject], path: Path, exact: bool = False) -> Path:
     """Write objects as a 3D program does: without the exact vertices beside them."""
     content = write_scene(objects, HOLE)
-    path.write_bytes(content if exact else content.replace(EXACT.encode(), b"x" * len(EXACT)))
+    path.write_bytes(content if exact else content.replace(EXACT_VERTICES_KEY.encode(), b"x" * len(EXACT_VERTICES_KEY)))
     return path
 
 
 def test_a_hole_made_by_hand_is_played(tmp_path: Path) -> None:
     """Names say what objects are, extras how they play; the cup is cut into the floor."""
-    across = Object("cup", (0.6, 0.2, 0.0), {}, None, None)  # On an edge of the floor's triangles.
+    across = SceneObject("cup", (0.6, 0.2, 0.0), {}, None, None)  # On an edge of the floor's triangles.
     assert len(load_course(write(by_hand(cup=across), tmp_path / "across.glb")).parts) == 6
     course = load_course(write(by_hand(), tmp_path / "hand.glb"))
     assert course.name == "made" and course.par == 2 and course.cup is not None and course.cup.radius == 0.06
@@ -133,14 +137,16 @@ def test_a_tee_may_be_a_box(tmp_path: Path) -> None:
     ("change", "message"),
     [
         ({"tee": None}, "expected one object named 'tee'"),
-        ({"cup": Object("cup", (9.0, 0.0, 0.0), {}, None, None)}, "cup position: expected a place on the floor"),
-        ({"cup": Object("cup", (1.47, 0.0, 0.0), {}, None, None)}, "cup radius: expected less than"),
+        ({"cup": SceneObject("cup", (9.0, 0.0, 0.0), {}, None, None)}, "cup position: expected a place on the floor"),
+        ({"cup": SceneObject("cup", (1.47, 0.0, 0.0), {}, None, None)}, "cup radius: expected less than"),
         ({"floor": solid("floor", (3.0, 1.0, 0.05), (0.0, 0.0, -0.025))}, "cup depth: expected a floor thicker than"),
         ({"east": solid("rail", (0.1, 1.2, 0.3), (1.55, 0.0, 0.0), surface="brik")}, "did you mean 'brick'"),
         ({"east": solid("rail", (0.1, 1.2, 0.3), (1.55, 0.0, 0.0), color="red")}, "color: string should match pattern"),
     ],
 )
-def test_faults_of_a_hole_made_by_hand_are_told(change: dict[str, Object | None], message: str, tmp_path: Path) -> None:
+def test_faults_of_a_hole_made_by_hand_are_told(
+    change: dict[str, SceneObject | None], message: str, tmp_path: Path
+) -> None:
     """What is missing, or where it is wrong."""
     with pytest.raises(CourseError, match=message):
         load_course(write(by_hand(**change), tmp_path / "hand.glb"))
@@ -156,7 +162,7 @@ def test_an_open_mesh_is_told(tmp_path: Path) -> None:
 
 def test_objects_below_others_are_placed_with_them() -> None:
     """Transforms of parents apply, and cycles are faults."""
-    content = write_scene([solid("a", (1, 1, 1), (0, 0, 0)), Object("b", (0.0, 0.0, 0.0), {}, None, None)], {})
+    content = write_scene([solid("a", (1, 1, 1), (0, 0, 0)), SceneObject("b", (0.0, 0.0, 0.0), {}, None, None)], {})
     size = struct.unpack_from("<I", content, 12)[0]
     data = json.loads(content[20 : 20 + size])
     data["nodes"][1] |= {"children": [0], "translation": [1.0, 2.0, 3.0], "scale": [2.0, 2.0, 2.0]}
@@ -178,7 +184,7 @@ def test_transforms_are_those_that_other_programs_read(seed: int) -> None:
     size = struct.unpack_from("<I", content, 12)[0]
     data = json.loads(content[20 : 20 + size])
     for node in data["nodes"]:
-        del node["extras"][EXACT]
+        del node["extras"][EXACT_VERTICES_KEY]
         turn = rng.normal(size=4)
         node["rotation"] = (turn / np.linalg.norm(turn)).tolist()
         node["translation"] = rng.uniform(-5, 5, 3).tolist()
@@ -274,17 +280,17 @@ def test_files_that_are_no_glb_are_refused() -> None:
 def test_exact_corners_give_way_to_what_a_program_changed() -> None:
     """Extra properties keep all bits of corners; an object that was moved, or is damaged, is what its positions say."""
     corners = np.array([[0.1, 0.2, 0.3], [1.1, 0.2, 0.3], [0.1, 1.2, 0.3]])
-    content = write_scene([Object("a", (0.0, 0.0, 0.0), {}, corners, np.array([[0, 1, 2]]))], {})
+    content = write_scene([SceneObject("a", (0.0, 0.0, 0.0), {}, corners, np.array([[0, 1, 2]]))], {})
     size = struct.unpack_from("<I", content, 12)[0]
     rest = content[20 + size :]
     data = json.loads(content[20 : 20 + size])
 
     def read(extra: Any, **node: Any) -> Any:
         changed = json.loads(json.dumps(data))
-        changed["nodes"][0] |= {"extras": {EXACT: extra}, **node}
+        changed["nodes"][0] |= {"extras": {EXACT_VERTICES_KEY: extra}, **node}
         return read_scene(packed(changed, rest), Limits())[0][0].vertices
 
-    whole = data["nodes"][0]["extras"][EXACT]
+    whole = data["nodes"][0]["extras"][EXACT_VERTICES_KEY]
     rounded = corners.astype(np.float32).astype(np.float64)
     assert np.array_equal(read(whole), corners)
     assert np.array_equal(read(whole, translation=[1.0, 0.0, 0.0]), corners + np.eye(3)[0])

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 import minigolf_env  # noqa: F401 (registers the environment)
 from minigolf_env.courses import Course, list_courses, load_course
-from minigolf_env.courses.description import CourseFile
-from minigolf_env.courses.files import read_description
-from minigolf_env.courses.library import DATA
+from minigolf_env.courses.io.toml_course import read_description
+from minigolf_env.courses.library import DATA_DIR
+from minigolf_env.courses.schema.course_file import CourseFile
 from minigolf_env.envs import MiniGolfEnv
 from minigolf_env.envs.task import Result
 from minigolf_env.physics import Status, World
@@ -32,7 +32,7 @@ def world_of(name: str) -> World:
 
 def description(name: str) -> CourseFile:
     """Return what a hole's file says."""
-    return read_description(DATA / f"{name}.toml")
+    return read_description(DATA_DIR / f"{name}.toml")
 
 
 def tee_off(course: Course, n: int, rng: np.random.Generator) -> FloatArray:
@@ -53,7 +53,7 @@ def test_a_file_is_one_idea_with_a_par_and_a_known_hole_in_one(name: str) -> Non
     """It says what makes the hole fun, and is small."""
     file = description(name)
     assert file.name == name and file.about and file.par is not None and file.hole_in_one is not None
-    assert (DATA / f"{name}.toml").stat().st_size < 4000
+    assert (DATA_DIR / f"{name}.toml").stat().st_size < 4000
     assert {part.kind for part in file.parts} - {"mesh"}
 
 
@@ -136,10 +136,10 @@ def test_the_loop_takes_straight_putts_at_two_thirds_of_full_speed(share: float)
 @pytest.mark.parametrize("sides", [64, 256])
 def test_facets_of_a_loop_brake_as_little_as_their_turn_says(sides: int) -> None:
     """Each keeps cos(turn) of the speed: with a turn of 1.4 degrees all of them take less than a tenth."""
-    from minigolf_env.courses.solids import loop
+    from minigolf_env.courses.geometry.solids import build_loop_track
     from minigolf_env.physics import Surface, TriangleMesh
 
-    solid = loop(0.3, 0.4, 0.5, 0.06, 0.03, sides)
+    solid = build_loop_track(0.3, 0.4, 0.5, 0.06, 0.03, sides)
     mesh = TriangleMesh(solid.vertices, solid.faces, Surface(restitution=0.0, tangential=1.0, rolling=0.0))
     world = World([mesh], gravity=(0.0, 0.0, 0.0))
     shot = world.simulate((0.001, 0.0, 0.0224), (2.0, 0.0, 0.0), max_time=0.8, record=True)

@@ -13,9 +13,9 @@ import pytest
 import trimesh
 
 from minigolf_env.courses import CourseError, load_course
-from minigolf_env.courses.files import build_course, parse_description
-from minigolf_env.courses.limits import Limits
-from minigolf_env.courses.meshes import _triangles_alone
+from minigolf_env.courses.io.mesh_files import _keep_triangles_only
+from minigolf_env.courses.io.toml_course import build_course, parse_description
+from minigolf_env.courses.schema.limits import Limits
 
 MESH = 'name = "m"\ntee = {{ at = [0, 0] }}\n[[parts]]\nkind = "mesh"\nfile = "{}"\n'
 
@@ -113,7 +113,7 @@ def test_groups_and_solids_are_read_as_one() -> None:
     solids = box.export(file_type="stl_ascii").replace("endfacet", "endfacet\nendsolid a\nsolid b")
     texts = [("\n".join(lines), "obj"), (solids, "stl")]
     for text, ending in [(text.replace("\n", end), ending) for text, ending in texts for end in ("\n", "\r\n", "\r")]:
-        alone = _triangles_alone(text.encode("latin-1"), ending)
+        alone = _keep_triangles_only(text.encode("latin-1"), f".{ending}")
         assert not {b"g", b"usemtl", b"mtllib"} & set(alone.split()) and alone.count(b"endsolid") == (ending == "stl")
         mesh = trimesh.load_mesh(io.BytesIO(alone), ending)
         assert mesh.is_watertight and mesh.volume == pytest.approx(box.volume) and len(mesh.faces) == 12
@@ -137,7 +137,7 @@ def test_mutated_mesh_files_are_read_or_refused(ending: str, tmp_path: Path) -> 
                 content[rng.randrange(len(content))] = rng.choice(b"0129- ef/\n\x00\xff")
         (tmp_path / f"m.{ending[-3:]}").write_bytes(bytes(content))
         try:
-            build_course(parse_description(MESH.format(f"m.{ending[-3:]}")), tmp_path, Limits(triangles=10_000))
+            build_course(parse_description(MESH.format(f"m.{ending[-3:]}")), tmp_path, limits=Limits(triangles=10_000))
         except CourseError:
             refused += 1
     assert refused > 50

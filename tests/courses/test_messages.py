@@ -7,12 +7,13 @@ from pathlib import Path
 import pytest
 
 from minigolf_env.courses import CourseError, load_course
-from minigolf_env.courses.builder import Hole
-from minigolf_env.courses.files import MOST_DOTS, build_course, describe, hex_color, parse_description, read_description
-from minigolf_env.courses.library import DATA
-from minigolf_env.courses.limits import Limits
+from minigolf_env.courses.builder import CourseBuilder
+from minigolf_env.courses.io.course_description import describe_course, hex_color
+from minigolf_env.courses.io.toml_course import MAX_KEY_DOTS, build_course, parse_description, read_description
+from minigolf_env.courses.library import DATA_DIR
+from minigolf_env.courses.schema.limits import Limits
 
-DOGLEG = (DATA / "dogleg.toml").read_text()
+DOGLEG = (DATA_DIR / "dogleg.toml").read_text()
 
 
 def line_of(text: str, start: str, nth: int = 0) -> int:
@@ -80,7 +81,7 @@ def test_places_in_a_file_are_paths_of_keys() -> None:
         ({"outline": [{"box": (0, 0, 1, 1)}], "heights": [{"kind": "radial", "at": (0, "x")}]}, "heights[0].at[1]"),
     ):
         with pytest.raises(CourseError) as told:
-            Hole("one", tee=(0, 0)).add("lane", **part).description()
+            CourseBuilder("one", tee=(0, 0)).add("lane", **part).description()
         assert str(told.value).startswith(f"one: parts[0].{path}: ")
 
 
@@ -97,11 +98,11 @@ def test_no_key_reaches_a_terminal_as_it_is() -> None:
 
 def test_keys_of_many_parts_are_refused_before_they_cost_time() -> None:
     """As many dots as are allowed are read, and then unknown."""
-    assert "unknown key" in message_of("a" + ".a" * MOST_DOTS + " = 1")
-    assert f"a key of more than {MOST_DOTS} parts" in message_of("a" + ".a" * (MOST_DOTS + 1) + " = 1")
-    assert "unknown key" in message_of("a = { " + "b" + ".b" * MOST_DOTS + " = 1 }\n# " + "." * 1_000)
+    assert "unknown key" in message_of("a" + ".a" * MAX_KEY_DOTS + " = 1")
+    assert f"a key of more than {MAX_KEY_DOTS} parts" in message_of("a" + ".a" * (MAX_KEY_DOTS + 1) + " = 1")
+    assert "unknown key" in message_of("a = { " + "b" + ".b" * MAX_KEY_DOTS + " = 1 }\n# " + "." * 1_000)
     for dot in (" . ", "\t.\t", '."a".', ".'a'."):
-        assert f"more than {MOST_DOTS} parts" in message_of("a" + f"{dot}a" * (MOST_DOTS + 1) + " = 1"), dot
+        assert f"more than {MAX_KEY_DOTS} parts" in message_of("a" + f"{dot}a" * (MAX_KEY_DOTS + 1) + " = 1"), dot
 
 
 def test_files_that_cannot_be_read_are_named(tmp_path: Path) -> None:
@@ -110,7 +111,7 @@ def test_files_that_cannot_be_read_are_named(tmp_path: Path) -> None:
     for path, limits, message in (
         (tmp_path / "none.toml", None, "expected a readable TOML file, received .*none.toml"),
         (tmp_path / "noise.toml", None, "expected a readable TOML file, received .*noise.toml"),
-        (DATA / "dogleg.toml", Limits(text_bytes=10), "course file 'dogleg.toml': expected at most 10 bytes"),
+        (DATA_DIR / "dogleg.toml", Limits(text_bytes=10), "course file 'dogleg.toml': expected at most 10 bytes"),
     ):
         with pytest.raises(CourseError, match=message):
             read_description(path, limits)
@@ -118,12 +119,12 @@ def test_files_that_cannot_be_read_are_named(tmp_path: Path) -> None:
 
 def test_a_cup_that_is_cut_stays_as_it_is() -> None:
     """Its own radius is taken, another is refused; so is any where there is no cup."""
-    cut = describe(load_course("dogleg"))
+    cut = describe_course(load_course("dogleg"))
     assert cut.cup is not None
     assert build_course(cut, cup_radius=cut.cup.radius).cup == load_course("dogleg").cup
     for file, radius, message in (
         (cut, 0.07, "'dogleg', whose cup is already cut, received 0.07"),
-        (describe(load_course("room")), 0.05, "'room', which has no cup, received 0.05"),
+        (describe_course(load_course("room")), 0.05, "'room', which has no cup, received 0.05"),
     ):
         with pytest.raises(CourseError, match=message):
             build_course(file, cup_radius=radius)
@@ -132,6 +133,6 @@ def test_a_cup_that_is_cut_stays_as_it_is() -> None:
 def test_colours_are_written_as_they_are_read() -> None:
     """Each of 256 shades; none stays none."""
     for shade in ("#000000", "#0a7fff", "#ffffff", "#102030"):
-        made = Hole("one", tee=(0.0, 0.0)).add("box", at=(0, 0, -0.1), size=(2, 2, 0.2), color=shade)
+        made = CourseBuilder("one", tee=(0.0, 0.0)).add("box", at=(0, 0, -0.1), size=(2, 2, 0.2), color=shade)
         assert hex_color(made.course().parts[0]) == shade
     assert hex_color(load_course("dogleg").parts[1]) is None

@@ -13,23 +13,26 @@ import trimesh
 from trimesh import Trimesh
 
 from minigolf_env.courses import Course, CourseError, Cup, load_course
-from minigolf_env.courses.builder import Hole
-from minigolf_env.courses.glb import to_glb
-from minigolf_env.courses.gltf import Object, write_scene
-from minigolf_env.courses.limits import Limits
-from minigolf_env.courses.meshes import cut_cup, inline_mesh
-from minigolf_env.courses.outlines import outline
-from minigolf_env.courses.shapes import Along, Arc, Radial, Shape, Waves
-from minigolf_env.courses.solids import LINER, cup_hole, cup_liner, disc, extruded, loop, prism, revolved
-from minigolf_env.courses.terrain import height_function, terrain
+from minigolf_env.courses.builder import CourseBuilder
+from minigolf_env.courses.course import CUP_LINER_THICKNESS
+from minigolf_env.courses.geometry.cup import build_cup_liner, cup_outline, cut_cup_into_mesh
+from minigolf_env.courses.geometry.outlines import build_outline
+from minigolf_env.courses.geometry.parts import build_inline_mesh
+from minigolf_env.courses.geometry.solids import build_loop_track, circle_polygon, extrude, revolve, sweep_along_line
+from minigolf_env.courses.geometry.terrain import build_terrain, make_height_function
+from minigolf_env.courses.io.glb_course import to_glb
+from minigolf_env.courses.io.gltf_scene import SceneObject, write_scene
+from minigolf_env.courses.schema.heights import DirectionalHeight, RadialHeight, WaveHeight
+from minigolf_env.courses.schema.limits import Limits
+from minigolf_env.courses.schema.shapes import ArcCorner, OutlineShape
 
 SQUARE = shapely.box(0, 0, 1, 1)
 LANE = [{"box": (0, 0, 3, 1)}]
 
 
-def shape(**fields: Any) -> Shape:
+def shape(**fields: Any) -> OutlineShape:
     """Return a shape in plan."""
-    return Shape.model_validate(fields)
+    return OutlineShape.model_validate(fields)
 
 
 def polygon_share(sides: int) -> float:
@@ -39,23 +42,23 @@ def polygon_share(sides: int) -> float:
 
 def test_areas_are_those_of_the_shapes() -> None:
     """Boxes, circles, strips and polygons; turned about their middle, rounded, joined and less their holes."""
-    box = outline([shape(box=(1, 2, 4, 4), turn=90)])
+    box = build_outline([shape(box=(1, 2, 4, 4), turn=90)])
     assert box.bounds == pytest.approx((1.5, 1.5, 3.5, 4.5)) and box.area == pytest.approx(6.0)
-    tilted = outline([shape(box=(1, 2, 4, 4), turn=30)])
+    tilted = build_outline([shape(box=(1, 2, 4, 4), turn=30)])
     assert np.allclose(tilted.centroid.coords, (2.5, 3.0)) and tilted.area == pytest.approx(6.0)
     assert tilted.contains(shapely.Point(2.5 + 1.4 * math.cos(math.pi / 6), 3.0 + 1.4 * math.sin(math.pi / 6)))
-    rounded = outline([shape(box=(0, 0, 3, 2), round=0.5)])
+    rounded = build_outline([shape(box=(0, 0, 3, 2), round=0.5)])
     assert rounded.area == pytest.approx(6.0 - (4.0 - math.pi) * 0.25, abs=2e-3)
     assert rounded.bounds == pytest.approx((0, 0, 3, 2))
-    circle = outline([shape(circle=(1, 2, 0.5))])
+    circle = build_outline([shape(circle=(1, 2, 0.5))])
     assert circle.area == pytest.approx(0.25 * math.pi * polygon_share(64)) and np.allclose(
         circle.centroid.coords, (1, 2)
     )
-    strip = outline([shape(line=[(0, 0), (3, 4)], width=0.2)])
+    strip = build_outline([shape(line=[(0, 0), (3, 4)], width=0.2)])
     assert strip.area == pytest.approx(1.0)
-    elbow = outline([shape(line=[(0, 0), (2, 0), (2, 2)], width=0.2)])
+    elbow = build_outline([shape(line=[(0, 0), (2, 0), (2, 2)], width=0.2)])
     assert elbow.area == pytest.approx(0.8) and elbow.bounds == pytest.approx((0, -0.1, 2.1, 2))
-    both = outline([shape(box=(0, 0, 2, 1)), shape(box=(1, 0, 3, 1))], [shape(box=(0.5, 0.2, 1.0, 0.7))])
+    both = build_outline([shape(box=(0, 0, 2, 1)), shape(box=(1, 0, 3, 1))], [shape(box=(0.5, 0.2, 1.0, 0.7))])
     assert both.area == pytest.approx(2.75) and len(both.interiors) == 1
 
 
@@ -71,8 +74,8 @@ def test_arcs_lie_on_their_circle(seed: int) -> None:
     def at(angle: float) -> tuple[float, float]:
         return middle[0] + radius * math.cos(angle), middle[1] + radius * math.sin(angle)
 
-    corners = [tuple(middle), at(first), Arc(via=at(over), to=at(first + turn))]
-    area = outline([Shape(polygon=tuple(corners))])
+    corners = [tuple(middle), at(first), ArcCorner(via=at(over), to=at(first + turn))]
+    area = build_outline([OutlineShape(polygon=tuple(corners))])
     ring = np.array(area.exterior.coords)
     arc = ring[np.linalg.norm(ring - middle, axis=1) > 0.1 * radius]
     assert np.linalg.norm(arc - middle, axis=1) == pytest.approx(np.full(len(arc), radius))
@@ -81,7 +84,7 @@ def test_arcs_lie_on_their_circle(seed: int) -> None:
     assert abs(math.degrees(piece)) <= 5.0 + 1e-9
     assert area.area == pytest.approx(abs(math.sin(piece)) * radius**2 / 2.0 * (len(arc) - 1))
     with pytest.raises(CourseError, match="arc: expected three points of a circle"):
-        outline([Shape(polygon=((0, 1), (0, 0), Arc(via=(1, 0), to=(2, 0))))])
+        build_outline([OutlineShape(polygon=((0, 1), (0, 0), ArcCorner(via=(1, 0), to=(2, 0))))])
 
 
 def test_areas_that_are_none_are_refused() -> None:
@@ -93,27 +96,27 @@ def test_areas_that_are_none_are_refused() -> None:
         ([shape(box=(0, 0, 1, 1), round=0.6)], [], "expected a simple shape"),
     ):
         with pytest.raises(CourseError, match=message):
-            outline(shapes, holes)
+            build_outline(shapes, holes)
 
 
 def test_solids_have_the_volumes_of_formulas() -> None:
     """Closed, wound outwards, between their levels, around their axis."""
-    block = extruded(SQUARE, -0.2, 0.3)
+    block = extrude(SQUARE, -0.2, 0.3)
     assert block.volume == pytest.approx(0.5) and np.allclose(block.bounds, [[0, 0, -0.2], [1, 1, 0.3]])
     for sides in (5, 64):
-        cone = revolved([(0.0, 1.0), (0.5, 1.0), (0.0, 2.0)], (2.0, 3.0), sides)
+        cone = revolve([(0.0, 1.0), (0.5, 1.0), (0.0, 2.0)], (2.0, 3.0), sides)
         assert cone.volume == pytest.approx(math.pi * 0.25 / 3.0 * polygon_share(sides))
         assert np.allclose(cone.center_mass, (2.0, 3.0, 1.25)) and cone.is_watertight
-        ring = disc((2.0, 3.0), 0.5, sides)
+        ring = circle_polygon((2.0, 3.0), 0.5, sides)
         assert (
             ring.exterior.distance(shapely.Point(2, 3)) == pytest.approx(0.5) and len(ring.exterior.coords) == sides + 1
         )
     cup = Cup((1.0, 2.0, 0.5), 0.05, 0.1)
-    liner = cup_liner(cup)
+    liner = build_cup_liner(cup)
     area = math.pi * polygon_share(64)
-    outer = (cup.radius + LINER) ** 2 * (cup.depth + LINER)
+    outer = (cup.radius + CUP_LINER_THICKNESS) ** 2 * (cup.depth + CUP_LINER_THICKNESS)
     assert liner.volume == pytest.approx(area * (outer - cup.radius**2 * cup.depth)) and liner.is_watertight
-    assert liner.bounds[:, 2] == pytest.approx((0.5 - 0.1 - LINER, 0.5))
+    assert liner.bounds[:, 2] == pytest.approx((0.5 - 0.1 - CUP_LINER_THICKNESS, 0.5))
 
 
 @pytest.mark.parametrize(
@@ -122,7 +125,7 @@ def test_solids_have_the_volumes_of_formulas() -> None:
 def test_prisms_lead_from_start_to_end(start: tuple[float, ...], end: tuple[float, ...]) -> None:
     """What is to the left in the profile is to the left of the way, seen from above; up is up."""
     way = np.subtract(end, start)
-    solid = prism(shapely.box(0.0, 0.0, 0.1, 0.4), start, end)
+    solid = sweep_along_line(shapely.box(0.0, 0.0, 0.1, 0.4), start, end)
     assert solid.is_watertight and solid.volume == pytest.approx(0.04 * np.linalg.norm(way))
     left = np.array([-way[1], way[0], 0.0]) / np.hypot(*way[:2])
     ahead = way / np.linalg.norm(way)
@@ -133,12 +136,12 @@ def test_prisms_lead_from_start_to_end(start: tuple[float, ...], end: tuple[floa
     assert (offset @ up).min() == pytest.approx(0.0, abs=1e-12) and (offset @ up).max() == pytest.approx(0.4)
     assert (offset @ ahead).max() == pytest.approx(np.linalg.norm(way))
     with pytest.raises(CourseError, match="expected a line that is not upright"):
-        prism(SQUARE, start, np.add(start, (0, 0, 1)))
+        sweep_along_line(SQUARE, start, np.add(start, (0, 0, 1)))
 
 
 def test_a_loop_turns_over_once() -> None:
     """It touches the floor at both ends, comes down to the left, and its inner surface has its radius."""
-    solid = loop(0.3, 0.2, 0.5, 0.06, 0.03, 64)
+    solid = build_loop_track(0.3, 0.2, 0.5, 0.06, 0.03, 64)
     assert solid.is_watertight and solid.is_winding_consistent and solid.volume > 0.0
     section = 0.26 * 0.03 + 2 * 0.03 * 0.06
     assert solid.volume == pytest.approx(section * 2 * math.pi * 0.3, rel=0.05)
@@ -157,16 +160,16 @@ def test_a_loop_turns_over_once() -> None:
 
 def test_a_cup_needs_room_and_says_how_much() -> None:
     """On the floor, and no wider than it can be."""
-    hole = cup_hole(SQUARE, Cup((0.5, 0.4, 0.0), 0.1))
-    assert hole.exterior.distance(shapely.Point(0.5, 0.4)) == pytest.approx(0.1 + LINER)
+    hole = cup_outline(SQUARE, Cup((0.5, 0.4, 0.0), 0.1))
+    assert hole.exterior.distance(shapely.Point(0.5, 0.4)) == pytest.approx(0.1 + CUP_LINER_THICKNESS)
     with pytest.raises(CourseError, match=r"cup radius: expected less than (0\.\d+) m") as told:
-        cup_hole(SQUARE, Cup((0.5, 0.4, 0.0), 0.5))
+        cup_outline(SQUARE, Cup((0.5, 0.4, 0.0), 0.5))
     most = float(str(told.value).split("less than ")[1].split(" m")[0])
-    assert cup_hole(SQUARE, Cup((0.5, 0.4, 0.0), most - 0.001)) and most == pytest.approx(0.4, abs=0.005)
+    assert cup_outline(SQUARE, Cup((0.5, 0.4, 0.0), most - 0.001)) and most == pytest.approx(0.4, abs=0.005)
     with pytest.raises(CourseError, match="less than"):
-        cup_hole(SQUARE, Cup((0.5, 0.4, 0.0), most + 0.001))
+        cup_outline(SQUARE, Cup((0.5, 0.4, 0.0), most + 0.001))
     with pytest.raises(CourseError, match="cup position: expected a place on the floor"):
-        cup_hole(SQUARE, Cup((1.5, 0.4, 0.0), 0.1))
+        cup_outline(SQUARE, Cup((1.5, 0.4, 0.0), 0.1))
 
 
 PLACES = np.random.default_rng(0).uniform(-3.0, 3.0, (200, 2))
@@ -177,15 +180,15 @@ def test_heights_follow_their_profiles() -> None:
     """Along a direction, around a place, in waves; on top of the level and of each other."""
     profile = ((-1.0, 0.1), (0.5, 0.4), (2.0, -0.2))
     turned = np.cos(np.radians(30)) * (PLACES[:, 0] - 0.5) + np.sin(np.radians(30)) * (PLACES[:, 1] - 0.2)
-    along = Along(at=(0.5, 0.2), turn=30, profile=profile)
+    along = DirectionalHeight(at=(0.5, 0.2), turn=30, profile=profile)
     slope = np.interp(turned, *np.transpose(profile))
-    assert height_function(0.0, [along])(PLACES) == pytest.approx(slope)
+    assert make_height_function(0.0, [along])(PLACES) == pytest.approx(slope)
     away = np.hypot(PLACES[:, 0] - 1.0, PLACES[:, 1] + 1.0)
-    hill = Radial(at=(1.0, -1.0), profile=((0.0, 0.5), (1.5, 0.0)))
+    hill = RadialHeight(at=(1.0, -1.0), profile=((0.0, 0.5), (1.5, 0.0)))
     cone = np.interp(away, [0.0, 1.5], [0.5, 0.0])
-    assert height_function(0.3, [along, hill])(PLACES) == pytest.approx(0.3 + slope + cone)
-    waves = Waves(at=(0.5, 0.2), turn=30, amplitude=0.2, length=0.7, level=((0.0, 0.0, 0.5, 1.0),))
-    z = height_function(0.0, [waves])(PLACES)
+    assert make_height_function(0.3, [along, hill])(PLACES) == pytest.approx(0.3 + slope + cone)
+    waves = WaveHeight(at=(0.5, 0.2), turn=30, amplitude=0.2, length=0.7, level=((0.0, 0.0, 0.5, 1.0),))
+    z = make_height_function(0.0, [waves])(PLACES)
     middle = np.hypot(*PLACES.T)
     whole = 0.2 * np.sin(2.0 * np.pi * turned / 0.7)
     assert z[middle >= 1.0] == pytest.approx(whole[middle >= 1.0]) and (z[middle <= 0.5] == 0.0).all()
@@ -198,20 +201,22 @@ def test_rounding_is_the_mean_of_the_line_around_a_place() -> None:
     profile = ((0.0, 0.0), (1.0, 0.5), (2.5, -0.1))
     fine = np.linspace(-0.2, 0.2, 4001)
     for record, s in (
-        (Along(profile=profile, rounding=0.2), PLACES[:, 0]),
-        (Radial(at=(0, 0), profile=profile, rounding=0.2), np.hypot(*PLACES.T)),
+        (DirectionalHeight(profile=profile, rounding=0.2), PLACES[:, 0]),
+        (RadialHeight(at=(0, 0), profile=profile, rounding=0.2), np.hypot(*PLACES.T)),
     ):
         line = np.interp(
-            np.abs(s[:, None] + fine) if isinstance(record, Radial) else s[:, None] + fine, *np.transpose(profile)
+            np.abs(s[:, None] + fine) if isinstance(record, RadialHeight) else s[:, None] + fine, *np.transpose(profile)
         )
         mean = ((line[:, 1:] + line[:, :-1]) / 2.0).mean(axis=1)
-        assert height_function(0.0, [record])(PLACES) == pytest.approx(mean, abs=1e-6)
-    wide = Along(profile=((-9.0, 0.0), (0.0, 0.9), (9.0, 0.0)), rounding=3.0)
-    assert height_function(0.0, [wide])(np.array([[0.0, 0.0], [6.5, 0.0], [9.0, 0.0], [20.0, 0.0]])) == pytest.approx(
-        [0.75, 0.25 + 0.0125 / 6.0, 0.075, 0.0]
-    )
+        assert make_height_function(0.0, [record])(PLACES) == pytest.approx(mean, abs=1e-6)
+    wide = DirectionalHeight(profile=((-9.0, 0.0), (0.0, 0.9), (9.0, 0.0)), rounding=3.0)
+    assert make_height_function(0.0, [wide])(
+        np.array([[0.0, 0.0], [6.5, 0.0], [9.0, 0.0], [20.0, 0.0]])
+    ) == pytest.approx([0.75, 0.25 + 0.0125 / 6.0, 0.075, 0.0])
     far = np.array([[-50.0, 0.0], [50.0, 0.0]])
-    assert height_function(0.0, [Along(profile=profile, rounding=0.2)])(far) == pytest.approx([0.0, -0.1])
+    assert make_height_function(0.0, [DirectionalHeight(profile=profile, rounding=0.2)])(far) == pytest.approx(
+        [0.0, -0.1]
+    )
 
 
 @pytest.mark.parametrize("holes", [[], [shapely.box(0.8, 0.4, 1.3, 0.7), shapely.Point(2.0, 0.5).buffer(0.2)]])
@@ -220,8 +225,8 @@ def test_terrain_is_the_ground_between_bottom_and_heights(holes: list[Any]) -> N
     area = shapely.box(0, 0, 3, 1)
     for hole in holes:
         area = area - hole
-    height = height_function(0.2, [Along(profile=((0.0, 0.0), (3.0, 0.3)))])
-    solid = terrain(area, height, (0.11, 0.07), -0.1)
+    height = make_height_function(0.2, [DirectionalHeight(profile=((0.0, 0.0), (3.0, 0.3)))])
+    solid = build_terrain(area, height, (0.11, 0.07), -0.1)
     assert solid.is_watertight and solid.is_winding_consistent
     up = solid.face_normals[:, 2] > 1e-6
     corners = solid.triangles[up]
@@ -238,33 +243,33 @@ def test_terrain_is_the_ground_between_bottom_and_heights(holes: list[Any]) -> N
     assert (sides[:, 0] <= 0.11 * 2.1).all() and (sides[:, 1] <= 0.07 * 2.1).all()
     assert np.mean((sides[:, 0] <= 0.11 + 1e-9) & (sides[:, 1] <= 0.07 + 1e-9)) > 0.5
     with pytest.raises(CourseError, match=r"heights: expected all above the bottom at 0\.2 m"):
-        terrain(area, height, (0.1, 0.1), 0.2)
+        build_terrain(area, height, (0.1, 0.1), 0.2)
 
 
 def test_a_cup_cut_into_a_mesh_takes_its_pocket_out() -> None:
     """The rest of the floor stays; obstacles and thin floors are in the way."""
-    floor = extruded(shapely.box(0, 0, 2, 1), -0.2, 0.0)
+    floor = extrude(shapely.box(0, 0, 2, 1), -0.2, 0.0)
     cup = Cup((0.7, 0.4, 0.0), 0.06, 0.1)
-    cut = cut_cup(floor, cup, [])
-    pocket = math.pi * polygon_share(64) * (0.06 + LINER) ** 2 * (0.1 + LINER)
+    cut = cut_cup_into_mesh(floor, cup, [])
+    pocket = math.pi * polygon_share(64) * (0.06 + CUP_LINER_THICKNESS) ** 2 * (0.1 + CUP_LINER_THICKNESS)
     assert cut.is_watertight and cut.is_winding_consistent and cut.volume == pytest.approx(0.4 - pocket)
     assert np.allclose(cut.bounds, floor.bounds)
     with pytest.raises(CourseError, match="cup position: expected a place on the floor"):
-        cut_cup(floor, cup, [shapely.box(0.6, 0.3, 0.8, 0.5)])
+        cut_cup_into_mesh(floor, cup, [shapely.box(0.6, 0.3, 0.8, 0.5)])
     with pytest.raises(CourseError, match="cup radius: expected less than"):
-        cut_cup(floor, cup, [shapely.box(0.74, 0.0, 0.8, 1.0)])
+        cut_cup_into_mesh(floor, cup, [shapely.box(0.74, 0.0, 0.8, 1.0)])
     with pytest.raises(CourseError, match=r"cup depth: expected a floor thicker than 0.103 m"):
-        cut_cup(extruded(shapely.box(0, 0, 2, 1), -0.1, 0.0), cup, [])
-    thin, foot = extruded(shapely.box(0, 0, 2, 1), -0.1, 0.0), extruded(shapely.box(3, 0, 4, 1), -1.0, 0.0)
+        cut_cup_into_mesh(extrude(shapely.box(0, 0, 2, 1), -0.1, 0.0), cup, [])
+    thin, foot = extrude(shapely.box(0, 0, 2, 1), -0.1, 0.0), extrude(shapely.box(3, 0, 4, 1), -1.0, 0.0)
     with pytest.raises(CourseError, match=r"received one that ends at z = -0\.1 m"):
-        cut_cup(trimesh.util.concatenate([thin, foot]), cup, [])
+        cut_cup_into_mesh(trimesh.util.concatenate([thin, foot]), cup, [])
     with pytest.raises(CourseError, match="cup position"):
-        cut_cup(floor, Cup((0.7, 0.4, 0.01), 0.06), [])
+        cut_cup_into_mesh(floor, Cup((0.7, 0.4, 0.01), 0.06), [])
 
 
 def hole(**part: Any) -> Trimesh:
     """Return the mesh of a part beside a lane."""
-    mesh = Hole("one", tee=(0.3, 0.5)).add("lane", outline=LANE).add(**part).course().parts[-1].mesh
+    mesh = CourseBuilder("one", tee=(0.3, 0.5)).add("lane", outline=LANE).add(**part).course().parts[-1].mesh
     return Trimesh(mesh.vertices, mesh.faces)
 
 
@@ -285,7 +290,7 @@ def test_parts_are_turned_and_placed() -> None:
 def test_a_hole_is_made_with_a_cup_of_its_own_and_files_beside_it(tmp_path: Path) -> None:
     """The cup may be a record; meshes come from the folder that is named; errors name the hole."""
     trimesh.creation.box((0.2, 0.2, 0.2)).export(tmp_path / "stone.obj")
-    made = Hole("own", tee=(0.3, 0.5), cup={"position": (2.5, 0.5, 0.0), "radius": 0.06, "depth": 0.09})
+    made = CourseBuilder("own", tee=(0.3, 0.5), cup={"position": (2.5, 0.5, 0.0), "radius": 0.06, "depth": 0.09})
     made.add("lane", outline=LANE).add("mesh", file="stone.obj", at=(1.5, 0.5, 0.1))
     course = made.course(tmp_path)
     assert course.cup == Cup((2.5, 0.5, 0.0), 0.06, 0.09) and len(course.parts) == 4
@@ -295,13 +300,15 @@ def test_a_hole_is_made_with_a_cup_of_its_own_and_files_beside_it(tmp_path: Path
 
 def test_bounds_reach_around_the_lanes() -> None:
     """Over the borders, from 0.3 m below to 2 m above the floors; around all meshes where there is no lane."""
-    made = Hole("two", tee=(0.3, 0.5)).add("lane", outline=LANE, border=0.1)
+    made = CourseBuilder("two", tee=(0.3, 0.5)).add("lane", outline=LANE, border=0.1)
     made.add("lane", outline=[{"box": (3.5, 0, 4.5, 1)}], level=0.5, border=0.2)
     assert np.allclose(made.course().bounds, [(-0.1, -0.2, -0.3), (4.7, 1.2, 2.5)])
-    diamond = Hole("tip", tee=(0, 0)).add("lane", outline=[{"polygon": [(1, 0), (0, 1), (-1, 0), (0, -1)]}], border=0.1)
+    diamond = CourseBuilder("tip", tee=(0, 0)).add(
+        "lane", outline=[{"polygon": [(1, 0), (0, 1), (-1, 0), (0, -1)]}], border=0.1
+    )
     reach = 1.0 + 0.1 * math.sqrt(2.0)  # Borders have mitred corners.
     assert np.allclose(diamond.course().bounds, [(-reach, -reach, -0.3), (reach, reach, 2.0)])
-    solid = Hole("mesh", tee=(0.0, 0.0)).add("box", at=(0, 0, -0.1), size=(2, 1, 0.2)).course()
+    solid = CourseBuilder("mesh", tee=(0.0, 0.0)).add("box", at=(0, 0, -0.1), size=(2, 1, 0.2)).course()
     assert np.allclose(solid.bounds, [(-1, -0.5, -0.5), (1, 0.5, 2.0)])
 
 
@@ -316,21 +323,21 @@ def test_bounds_reach_around_the_lanes() -> None:
 def test_no_cup_is_cut_below_what_stands_there(part: dict[str, Any]) -> None:
     """Nor so near that it would cut into it; over a block that ends below the floor it is."""
     for x, message in ((2.5, "cup position"), (2.36, "cup radius: expected less than"), (2.2, "")):
-        made = Hole("post", tee=(0.4, 0.5), cup=(x, 0.5, 0.0)).add("lane", outline=LANE).add(**part)
+        made = CourseBuilder("post", tee=(0.4, 0.5), cup=(x, 0.5, 0.0)).add("lane", outline=LANE).add(**part)
         if message:
             with pytest.raises(CourseError, match=message):
                 made.course()
         else:
             assert [one.name for one in made.course().parts][:2] == ["floor", "cup"]
     ring = {"kind": "block", "outline": [{"box": (2.2, 0.2, 2.8, 0.8)}], "holes": [{"box": (2.3, 0.3, 2.7, 0.7)}]}
-    assert Hole("ring", tee=(0.4, 0.5), cup=(2.5, 0.5, 0.0)).add("lane", outline=LANE).add(**ring).course().cup
+    assert CourseBuilder("ring", tee=(0.4, 0.5), cup=(2.5, 0.5, 0.0)).add("lane", outline=LANE).add(**ring).course().cup
     low = {"kind": "block", "outline": [{"box": (2.4, 0.4, 2.6, 0.6)}], "bottom": -0.6, "top": -0.3}
-    assert Hole("low", tee=(0.4, 0.5), cup=(2.5, 0.5, 0.0)).add("lane", outline=LANE).add(**low).course().cup
+    assert CourseBuilder("low", tee=(0.4, 0.5), cup=(2.5, 0.5, 0.0)).add("lane", outline=LANE).add(**low).course().cup
 
 
 def test_a_surface_says_how_its_parts_look_unless_they_do() -> None:
     """Colours are shares of 255; a border has its lane's own."""
-    made = Hole("red", tee=(0.3, 0.5)).surface("rubber", damping=0.9, material="stone", color="#102030")
+    made = CourseBuilder("red", tee=(0.3, 0.5)).surface("rubber", damping=0.9, material="stone", color="#102030")
     made.add("lane", outline=LANE, border_color="#ff8000", name="way")
     made.add("box", at=(1, 0.5, 0.1), size=(0.1, 0.1, 0.2), surface="rubber")
     made.add(
@@ -348,11 +355,13 @@ def test_a_surface_says_how_its_parts_look_unless_they_do() -> None:
 
 def test_meshes_written_out_are_checked() -> None:
     """Rows of vertices that are there, numbers within a kilometre, at least one face."""
-    from minigolf_env.courses.description import Mesh
+    from minigolf_env.courses.schema.parts import MeshPart
 
     box = trimesh.creation.box((1, 1, 1))
-    good = Mesh(vertices=box.vertices.tolist(), faces=box.faces.tolist())
-    assert inline_mesh(good, Limits()).volume == pytest.approx(1.0) and inline_mesh(good, Limits(triangles=12))
+    good = MeshPart(vertices=box.vertices.tolist(), faces=box.faces.tolist())
+    assert build_inline_mesh(good, Limits()).volume == pytest.approx(1.0) and build_inline_mesh(
+        good, Limits(triangles=12)
+    )
     for change, message in (
         ({"faces": ()}, "at least one face"),
         ({"vertices": ((0, 0, 0), (1001, 0, 0), (0, 1, 0)), "faces": ((0, 1, 2),)}, "within 1000 m"),
@@ -361,10 +370,10 @@ def test_meshes_written_out_are_checked() -> None:
         ({"vertices": ((0, 0, 0), (1, 0, 0), (0, 1, 0)), "faces": ((0, 1, -1),)}, "expected rows 0 to 2"),
     ):
         with pytest.raises(CourseError, match=message):
-            inline_mesh(good.model_copy(update=change), Limits())
-    assert inline_mesh(Mesh(vertices=((0, 0, 0), (1000, 0, 0), (0, 1, 0)), faces=((0, 1, 2),)), Limits())
+            build_inline_mesh(good.model_copy(update=change), Limits())
+    assert build_inline_mesh(MeshPart(vertices=((0, 0, 0), (1000, 0, 0), (0, 1, 0)), faces=((0, 1, 2),)), Limits())
     with pytest.raises(CourseError, match="at most 11 triangles"):
-        inline_mesh(good, Limits(triangles=11))
+        build_inline_mesh(good, Limits(triangles=11))
 
 
 def test_limits_are_the_most_that_is_taken() -> None:
@@ -407,9 +416,9 @@ TUNNEL = {"kind": "tunnel", "start": (1, 0.5), "end": (2, 0.5), "height": 0.4, "
 def test_parts_that_cannot_be_built_say_why(part: dict[str, Any], message: str, tmp_path: Path) -> None:
     """Ramps that lead nowhere, doors wider than their house, meshes far away or without triangles."""
     trimesh.creation.box((1, 1, 1), np.diag([1, 1, 1, 1]) + 2000.0 * np.eye(4, k=3)).export(tmp_path / "far.obj")
-    (tmp_path / "none.glb").write_bytes(write_scene([Object("nothing", (0.0, 0.0, 0.0), {}, None, None)], {}))
+    (tmp_path / "none.glb").write_bytes(write_scene([SceneObject("nothing", (0.0, 0.0, 0.0), {}, None, None)], {}))
     with pytest.raises(CourseError, match=f"part '.* 2': .*{message}"):
-        Hole("one", tee=(0.3, 0.5)).add("lane", outline=LANE).add(**part).course(tmp_path)
+        CourseBuilder("one", tee=(0.3, 0.5)).add("lane", outline=LANE).add(**part).course(tmp_path)
 
 
 @pytest.mark.parametrize("turn", [0, 90, 180, -90])
@@ -417,13 +426,15 @@ def test_a_lane_with_heights_is_as_thick_below_its_lowest_place(turn: int) -> No
     """Wherever along it that is."""
     dip = [{"kind": "along", "at": (1.5, 0.5), "turn": turn, "profile": [(0.2, 0.0), (0.4, -0.2)]}]
     for level in (0.0, 0.3):
-        lane = Hole("dip", tee=(1.5, 0.5)).add("lane", outline=LANE, heights=dip, level=level, thickness=0.15, border=0)
+        lane = CourseBuilder("dip", tee=(1.5, 0.5)).add(
+            "lane", outline=LANE, heights=dip, level=level, thickness=0.15, border=0
+        )
         assert lane.course().parts[0].mesh.vertices[:, 2].min() == pytest.approx(level - 0.2 - 0.15)
 
 
 def test_a_part_named_as_the_tee_is_none(tmp_path: Path) -> None:
     """In a .glb file it is called a part; the tee stays one."""
-    made = Hole("one", tee=(0.3, 0.5)).add("lane", outline=LANE)
+    made = CourseBuilder("one", tee=(0.3, 0.5)).add("lane", outline=LANE)
     made.add("box", name="Tee post", at=(1.5, 0.5, 0.1), size=(0.1, 0.1, 0.3))
     (tmp_path / "one.glb").write_bytes(to_glb(made.course()))
     again = load_course(tmp_path / "one.glb")
@@ -433,11 +444,11 @@ def test_a_part_named_as_the_tee_is_none(tmp_path: Path) -> None:
 @pytest.mark.parametrize("side", [(0, 0), (1, 0), (0, 1), (-1, 0), (0, -1)])
 def test_a_cup_is_cut_where_the_ground_is_level_around_it(side: tuple[int, int]) -> None:
     """Whatever the level, and not where there is a bump in its middle or on any side of its wall."""
-    x, y = (at + (Cup.radius + LINER) * way for at, way in zip((1.5, 0.5), side, strict=True))
+    x, y = (at + (Cup.radius + CUP_LINER_THICKNESS) * way for at, way in zip((1.5, 0.5), side, strict=True))
 
     def course(up: float) -> Course:
-        bump = {"kind": "radial", "at": (x, y), "profile": [(0, up), (0.5 * LINER, 0)]}
-        hole = Hole("bump", tee={"at": (0.4, 0.5), "height": 0.3}, cup=(1.5, 0.5, 0.3), par=2)
+        bump = {"kind": "radial", "at": (x, y), "profile": [(0, up), (0.5 * CUP_LINER_THICKNESS, 0)]}
+        hole = CourseBuilder("bump", tee={"at": (0.4, 0.5), "height": 0.3}, cup=(1.5, 0.5, 0.3), par=2)
         return hole.add("lane", outline=LANE, level=0.3, heights=[bump]).course()
 
     assert course(0.0).cup is not None

@@ -14,12 +14,18 @@ import trimesh
 
 from benchmarks.levels import Args, examine
 from minigolf_env.courses import Course, CourseError, load_course
-from minigolf_env.courses.procedural import DIFFICULTIES, GENERATOR, LEVELS_KEPT, _build, level_name
+from minigolf_env.courses.procedural import (
+    DIFFICULTY_NAMES,
+    GENERATOR_VERSION,
+    LEVEL_CACHE_SIZE,
+    _build_cached,
+    level_name,
+)
 from minigolf_env.courses.procedural import layout as layouts
-from minigolf_env.courses.procedural.build import BORDER, FELT, build_level
-from minigolf_env.courses.procedural.features import FEATURES, LEAST_SLOPE, Feature
-from minigolf_env.courses.procedural.layout import Layout, lay_out
-from minigolf_env.courses.procedural.portable_rng import Draws
+from minigolf_env.courses.procedural.lane_features import FEATURES_BY_DIFFICULTY, MIN_SLOPE, LaneFeature
+from minigolf_env.courses.procedural.layout import Layout, generate_layout
+from minigolf_env.courses.procedural.level import BORDER_WIDTH, FELT_SURFACE, build_level
+from minigolf_env.courses.procedural.portable_rng import PortableRng
 from minigolf_env.envs import MiniGolfEnv
 from minigolf_env.envs.config import _world
 
@@ -35,7 +41,7 @@ PINNED = {
 """Each level's fingerprint. If a change of the levels is meant, raise GENERATOR and pin the new ones."""
 
 SAMPLE = [
-    pytest.param(difficulty, level, id=f"{difficulty}-{level}") for difficulty in DIFFICULTIES for level in range(8)
+    pytest.param(difficulty, level, id=f"{difficulty}-{level}") for difficulty in DIFFICULTY_NAMES for level in range(8)
 ]
 
 
@@ -58,27 +64,31 @@ def test_every_feature_is_in_a_pinned_level(monkeypatch: pytest.MonkeyPatch) -> 
     """So that a change of any of them is noticed."""
     laid: list[str] = []
 
-    def attempt(difficulty: str, draws: Draws, legs: int) -> Layout:
+    def attempt(difficulty: str, rng: PortableRng, legs: int) -> Layout:
         laid.clear()  # Only the last lane that is tried is the level's.
-        return intact(difficulty, draws, legs)
+        return intact(difficulty, rng, legs)
 
-    def noted(feature: Feature) -> Feature:
-        return lambda lane, draws: (laid.append(feature.__name__), feature(lane, draws))[1]
+    def noted(feature: LaneFeature) -> LaneFeature:
+        return lambda lane, rng: (laid.append(feature.__name__), feature(lane, rng))[1]
 
-    intact = layouts._attempt
-    monkeypatch.setattr(layouts, "_attempt", attempt)
-    monkeypatch.setattr(layouts, "FEATURES", {key: tuple(map(noted, some)) for key, some in FEATURES.items()})
+    intact = layouts._draw_layout
+    monkeypatch.setattr(layouts, "_draw_layout", attempt)
+    monkeypatch.setattr(
+        layouts,
+        "FEATURES_BY_DIFFICULTY",
+        {key: tuple(map(noted, some)) for key, some in FEATURES_BY_DIFFICULTY.items()},
+    )
     pinned = set()
     for difficulty, level in PINNED:
-        lay_out(difficulty, Draws(GENERATOR, DIFFICULTIES.index(difficulty), level))
+        generate_layout(difficulty, PortableRng(GENERATOR_VERSION, DIFFICULTY_NAMES.index(difficulty), level))
         pinned |= set(laid)
-    assert pinned == {feature.__name__ for some in FEATURES.values() for feature in some}
+    assert pinned == {feature.__name__ for some in FEATURES_BY_DIFFICULTY.values() for feature in some}
 
 
 def test_another_process_makes_the_same_level() -> None:
     """Whatever seeds its hashes; and without the libraries of meshes, which take long to load."""
     code = (
-        "import sys; from minigolf_env.courses.procedural.build import build_level;"
+        "import sys; from minigolf_env.courses.procedural.level import build_level;"
         "import hashlib; course = build_level('hard', 5);"
         "print(hashlib.sha256(b''.join(part.mesh.vertices.tobytes() for part in course.parts)).hexdigest(),"
         "{'trimesh', 'shapely'} & set(sys.modules))"
@@ -91,8 +101,8 @@ def test_another_process_makes_the_same_level() -> None:
 def test_par_counts_the_legs() -> None:
     """Two for a lane of one leg, one more for every two further ones, four at most."""
     legs = set()
-    for difficulty, level in itertools.product(DIFFICULTIES, range(8)):
-        layout = lay_out(difficulty, Draws(GENERATOR, DIFFICULTIES.index(difficulty), level))
+    for difficulty, level in itertools.product(DIFFICULTY_NAMES, range(8)):
+        layout = generate_layout(difficulty, PortableRng(GENERATOR_VERSION, DIFFICULTY_NAMES.index(difficulty), level))
         legs.add(layout.legs)
         assert build_level(difficulty, level).par == {1: 2, 2: 3, 3: 3, 4: 4, 5: 4}[layout.legs]
     assert legs == {1, 2, 3, 4, 5}
@@ -100,7 +110,7 @@ def test_par_counts_the_legs() -> None:
 
 def test_levels_differ() -> None:
     """By number and by difficulty."""
-    prints = [fingerprint(build_level(difficulty, level)) for difficulty in DIFFICULTIES for level in range(10)]
+    prints = [fingerprint(build_level(difficulty, level)) for difficulty in DIFFICULTY_NAMES for level in range(10)]
     assert len(set(prints)) == len(prints)
 
 
@@ -114,14 +124,14 @@ def test_every_part_is_a_closed_solid(difficulty: str, level: int) -> None:
     course.world()
 
 
-@pytest.mark.parametrize("difficulty", DIFFICULTIES)
+@pytest.mark.parametrize("difficulty", DIFFICULTY_NAMES)
 def test_a_lane_keeps_clear_of_itself(difficulty: str) -> None:
     """The outlines of a hundred lanes with their borders are simple polygons, connected from tee to cup."""
     for level in range(100):
-        layout = lay_out(difficulty, Draws(GENERATOR, DIFFICULTIES.index(difficulty), level))
-        outline = shapely.Polygon([layout.lane.points[k][:2] for k in layout.lane.ring()])
+        layout = generate_layout(difficulty, PortableRng(GENERATOR_VERSION, DIFFICULTY_NAMES.index(difficulty), level))
+        outline = shapely.Polygon([layout.lane.points[k][:2] for k in layout.lane.boundary()])
         assert outline.is_valid and shapely.is_ccw(outline.exterior)
-        outside = outline.buffer(BORDER, join_style="mitre")
+        outside = outline.buffer(BORDER_WIDTH, join_style="mitre")
         assert len(outside.interiors) == 0, f"{difficulty} {level}: borders touch"
         assert outline.buffer(-0.1).contains(shapely.Point(layout.cup))
         route = shapely.LineString([(0.0, 0.0), *layout.lane.route])
@@ -131,8 +141,8 @@ def test_a_lane_keeps_clear_of_itself(difficulty: str) -> None:
 @pytest.mark.parametrize(("difficulty", "level"), SAMPLE)
 def test_the_floor_covers_its_lane_once(difficulty: str, level: int) -> None:
     """Seen from above its faces fill the outline but for the hole, without overlaps or gaps."""
-    layout = lay_out(difficulty, Draws(GENERATOR, DIFFICULTIES.index(difficulty), level))
-    outline = shapely.Polygon([layout.lane.points[k][:2] for k in layout.lane.ring()])
+    layout = generate_layout(difficulty, PortableRng(GENERATOR_VERSION, DIFFICULTY_NAMES.index(difficulty), level))
+    outline = shapely.Polygon([layout.lane.points[k][:2] for k in layout.lane.boundary()])
     floor, cup = build_level(difficulty, level).parts[:2]
     a, b, c = np.moveaxis(floor.mesh.triangles[:, :, :2], 1, 0)
     areas = ((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]) / 2.0
@@ -144,15 +154,17 @@ def test_the_floor_covers_its_lane_once(difficulty: str, level: int) -> None:
 def test_balls_roll_down_every_slope(difficulty: str, level: int) -> None:
     """Felt is level, or steeper than rolling resistance holds a ball on."""
     course = build_level(difficulty, level)
-    for part in (part for part in course.parts if part.mesh.surface == FELT):
+    for part in (part for part in course.parts if part.mesh.surface == FELT_SURFACE):
         a, b, c = np.moveaxis(part.mesh.triangles, 1, 0)
         normals = np.cross(b - a, c - a)
         upward = normals[normals[:, 2] > 1e-9]
         slopes = np.hypot(upward[:, 0], upward[:, 1]) / upward[:, 2]
-        assert ((slopes < 1e-6) | (slopes > 0.99 * LEAST_SLOPE)).all()
+        assert ((slopes < 1e-6) | (slopes > 0.99 * MIN_SLOPE)).all()
 
 
-@pytest.mark.parametrize(("difficulty", "level"), [(d, 50 + k) for d, k in itertools.product(DIFFICULTIES, range(3))])
+@pytest.mark.parametrize(
+    ("difficulty", "level"), [(d, 50 + k) for d, k in itertools.product(DIFFICULTY_NAMES, range(3))]
+)
 def test_a_level_can_be_played(difficulty: str, level: int) -> None:
     """Search holes out; random play rests where it can go on, or is out over the border; no step loses time."""
     env = MiniGolfEnv("procedural", difficulty=difficulty, tee="fixed", max_strokes=11)
@@ -177,20 +189,20 @@ def test_a_wider_cup_changes_nothing_else() -> None:
 
 def test_levels_are_found_by_name() -> None:
     """A level's name, as info has it, loads it; as many are kept as a usual training set has."""
-    course = load_course(f"procedural-v{GENERATOR}-easy-17")
-    assert course.name == f"procedural-v{GENERATOR}-easy-17"
+    course = load_course(f"procedural-v{GENERATOR_VERSION}-easy-17")
+    assert course.name == f"procedural-v{GENERATOR_VERSION}-easy-17"
     assert load_course(course.name) is course
     wide = load_course(course.name, cup_radius=0.06).cup
     assert wide is not None and wide.radius == 0.06
-    assert _build.cache_info().maxsize == _world.cache_info().maxsize == LEVELS_KEPT
+    assert _build_cached.cache_info().maxsize == _world.cache_info().maxsize == LEVEL_CACHE_SIZE
 
 
 @pytest.mark.parametrize(
     ("name", "message"),
     [
-        (f"procedural-v{GENERATOR}-esay-1", "difficulty: expected one of .* did you mean 'easy'"),
-        (f"procedural-v{GENERATOR + 1}-easy-1", f"this version makes levels v{GENERATOR}"),
-        (f"procedural-v{GENERATOR}-easy--1", "expected a level named like 'procedural-v"),
+        (f"procedural-v{GENERATOR_VERSION}-esay-1", "difficulty: expected one of .* did you mean 'easy'"),
+        (f"procedural-v{GENERATOR_VERSION + 1}-easy-1", f"this version makes levels v{GENERATOR_VERSION}"),
+        (f"procedural-v{GENERATOR_VERSION}-easy--1", "expected a level named like 'procedural-v"),
         ("procedural-17", "expected a level named like"),
     ],
 )

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from gymnasium.utils import seeding
 
-from minigolf_env.courses import NINE, Course, Cup, load_course
+from minigolf_env.courses import ROUND_HOLES, Course, Cup, load_course
 from minigolf_env.courses.procedural import level_name
 from minigolf_env.physics import Status, World
 
@@ -69,7 +69,7 @@ class Model:
         hole = self.rules.first if self.hole is None else self.hole
         if hole is None:
             return self.rules.course
-        return NINE[hole - 1] if self.rules.course == "round" else level_name("easy", hole)
+        return ROUND_HOLES[hole - 1] if self.rules.course == "round" else level_name("easy", hole)
 
     @property
     def scene(self) -> tuple[Course, World, Cup]:
@@ -88,7 +88,7 @@ class Model:
             self.rng, _ = seeding.np_random(seed)
         assert self.rng is not None
         if self.rules.course == "round":
-            self.hole = hole or (1 if anew or self.hole is None else self.hole % len(NINE) + 1)
+            self.hole = hole or (1 if anew or self.hole is None else self.hole % len(ROUND_HOLES) + 1)
         elif self.rules.course == "procedural":
             drawn = self.rules.start_level + int(self.rng.integers(self.rules.num_levels)) if hole is None else hole
             self.hole = drawn

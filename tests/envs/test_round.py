@@ -11,9 +11,9 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 import minigolf_env  # noqa: F401 (registers the environment)
-from minigolf_env.courses import NINE, ROUND, list_courses, load_course, par_of
-from minigolf_env.courses.files import read_description
-from minigolf_env.courses.library import DATA
+from minigolf_env.courses import ROUND_COURSE, ROUND_HOLES, list_courses, load_course, par_of
+from minigolf_env.courses.io.toml_course import read_description
+from minigolf_env.courses.library import DATA_DIR
 from minigolf_env.envs import MiniGolfEnv, MiniGolfVectorEnv, round_reset_options
 
 N = 4
@@ -21,14 +21,16 @@ N = 4
 
 def make(**options: Any) -> MiniGolfEnv:
     """Return an environment on the round."""
-    return MiniGolfEnv(ROUND, **options)
+    return MiniGolfEnv(ROUND_COURSE, **options)
 
 
 def test_the_holes_come_in_turn() -> None:
     """The nine in the order of the list, then the first again; info names and counts them."""
     env = make()
-    infos = [env.reset(seed=3 if k == 0 else None)[1] for k in range(len(NINE) + 2)]
-    assert [info["course"] for info in infos] == [*NINE, *NINE[:2]] and list(NINE) == list_courses()[:9]
+    infos = [env.reset(seed=3 if k == 0 else None)[1] for k in range(len(ROUND_HOLES) + 2)]
+    assert [info["course"] for info in infos] == [*ROUND_HOLES, *ROUND_HOLES[:2]] and list(
+        ROUND_HOLES
+    ) == list_courses()[:9]
     assert [info["hole"] for info in infos] == [*range(1, 10), 1, 2]
     assert all(type(info["hole"]) is int and par_of(info["course"]) for info in infos)
 
@@ -36,12 +38,12 @@ def test_the_holes_come_in_turn() -> None:
 def test_each_hole_is_the_hole_itself() -> None:
     """The same observations, putts and rewards as an environment on that hole alone, within the one space."""
     env = make(tee="fixed", observation="rays")
-    for number, name in enumerate(NINE, 1):
+    for number, name in enumerate(ROUND_HOLES, 1):
         alone = MiniGolfEnv(name, tee="fixed", observation="rays")
         observed, _ = env.reset(seed=5, options={"hole": number})
         assert observed.tobytes() == alone.reset(seed=5)[0].tobytes()
         assert env.observation_space == alone.observation_space and env.observation_space.contains(observed)
-        action = np.array(read_description(DATA / f"{name}.toml").hole_in_one, dtype=np.float32)
+        action = np.array(read_description(DATA_DIR / f"{name}.toml").hole_in_one, dtype=np.float32)
         played, other = env.step(action), alone.step(action)
         assert played[0].tobytes() == other[0].tobytes() and played[1:4] == other[1:4]
         assert played[-1] == {**other[-1], "hole": number} and played[-1]["is_success"]
@@ -53,7 +55,7 @@ def test_a_seed_begins_the_round_anew() -> None:
     first = env.reset(seed=6)[0].tobytes(), env.reset()[0].tobytes()
     assert env.reset(options={"hole": 7})[1]["hole"] == 7 and env.reset()[1]["hole"] == 8
     assert (env.reset(seed=6)[0].tobytes(), env.reset()[0].tobytes()) == first
-    check_env(gym.make("MiniGolf-v0", course=ROUND).unwrapped, skip_render_check=True)
+    check_env(gym.make("MiniGolf-v0", course=ROUND_COURSE).unwrapped, skip_render_check=True)
 
 
 def test_a_state_holds_its_hole() -> None:
@@ -77,7 +79,7 @@ def test_a_state_holds_its_hole() -> None:
 def test_each_environment_of_a_batch_plays_its_own_round(mode: str, observation: str) -> None:
     """Environment i is a single environment seeded seed + i, bit for bit, though they get to holes at other times."""
     options: dict[str, Any] = {"max_strokes": 3, "observation": observation}
-    batch = gym.make_vec("MiniGolf-v0", num_envs=N, course=ROUND, autoreset_mode=mode, **options)
+    batch = gym.make_vec("MiniGolf-v0", num_envs=N, course=ROUND_COURSE, autoreset_mode=mode, **options)
     singles = [make(**options) for _ in range(N)]
     observed, info = batch.reset(seed=7)
     for i, env in enumerate(singles):
@@ -116,29 +118,29 @@ def test_each_environment_of_a_batch_plays_its_own_round(mode: str, observation:
 
 def test_seeds_of_a_batch_begin_its_rounds_anew() -> None:
     """Those that are named; the others go on."""
-    batch = MiniGolfVectorEnv(3, ROUND)
+    batch = MiniGolfVectorEnv(3, ROUND_COURSE)
     first, _ = batch.reset(seed=1)
     assert batch.reset()[1]["hole"].tolist() == [2, 2, 2]
     assert batch.reset(seed=[4, None, None])[1]["hole"].tolist() == [1, 3, 3]
     assert batch.reset(seed=5, options={"hole": 9})[1]["hole"].tolist() == [9, 9, 9]
     assert batch.reset()[1]["hole"].tolist() == [1, 1, 1]
     again, info = batch.reset(seed=1)
-    assert again.tobytes() == first.tobytes() and info["course"].tolist() == [NINE[0]] * 3
+    assert again.tobytes() == first.tobytes() and info["course"].tolist() == [ROUND_HOLES[0]] * 3
 
 
 def test_what_if_looks_at_the_present_hole() -> None:
     """And moves neither ball nor round."""
     env = make(tee="fixed")
     env.reset(seed=0, options={"hole": 9})
-    action = read_description(DATA / f"{NINE[8]}.toml").hole_in_one
+    action = read_description(DATA_DIR / f"{ROUND_HOLES[8]}.toml").hole_in_one
     assert env.what_if([action]).holed.all() and env.reset()[1]["hole"] == 1
 
 
 def test_episodes_that_are_all_seeded_take_their_turns() -> None:
     """By options of reset; there are none on other courses."""
     env = make()
-    played = [env.reset(seed=k, options=round_reset_options(ROUND, k))[1]["course"] for k in range(10)]
-    assert played == [*NINE, NINE[0]]
+    played = [env.reset(seed=k, options=round_reset_options(ROUND_COURSE, k))[1]["course"] for k in range(10)]
+    assert played == [*ROUND_HOLES, ROUND_HOLES[0]]
     assert round_reset_options("dogleg", 3) == round_reset_options(load_course("dogleg"), 3) == {}
 
 
@@ -166,7 +168,7 @@ def test_holes_that_are_none(hole: Any) -> None:
             env.reset(seed=5, options=wrong)
     assert env.step([0.0, 0.0])[-1]["hole"] == 2
     with pytest.raises(ValueError, match="hole: expected an integer from 1 to 9"):
-        MiniGolfVectorEnv(2, ROUND).reset(options={"hole": [1, hole]})
+        MiniGolfVectorEnv(2, ROUND_COURSE).reset(options={"hole": [1, hole]})
     with pytest.raises(ValueError, match="num_levels: expected with course='procedural' only"):
         make(num_levels=3)
 
@@ -175,7 +177,7 @@ def test_pictures_show_the_hole_that_is_played(gl: None) -> None:
     """As observations and as a film: what an environment on that hole alone shows."""
     looks: dict[str, Any] = {"observation": "pixels", "render_size": (64, 48), "render_profile": "fast"}
     env = make(render_mode="rgb_array_list", **looks)
-    for number, name in enumerate(NINE[:3], 1):
+    for number, name in enumerate(ROUND_HOLES[:3], 1):
         alone = MiniGolfEnv(name, "rgb_array_list", **looks)
         options = {"hole": number}
         assert np.array_equal(env.reset(seed=2, options=options)[0], alone.reset(seed=2)[0])

@@ -13,8 +13,8 @@ import pytest
 from numpy.typing import NDArray
 
 from minigolf_env import cli
-from minigolf_env.courses import NINE, ROUND
-from minigolf_env.courses.procedural import PROCEDURAL
+from minigolf_env.courses import ROUND_COURSE, ROUND_HOLES
+from minigolf_env.courses.procedural import PROCEDURAL_COURSE
 from minigolf_env.envs import MiniGolfEnv
 from minigolf_env.evaluation import evaluate as evaluate_module
 from minigolf_env.evaluation.evaluate import evaluate
@@ -109,7 +109,9 @@ def test_watching_does_not_change_result(display: str, tmp_path: Path) -> None:
 def test_levels_are_played_in_order() -> None:
     """Episode i is on level first_seed + i, from the middle of its tee; a batch has the result of single episodes."""
     settings = {"difficulty": "easy", "episodes": 4, "max_strokes": 3, "first_seed": 50}
-    single, batch = (evaluate(policy, "straight", PROCEDURAL, **settings) for policy in (Straight(), StraightBatch()))  # type: ignore[arg-type]
+    single, batch = (
+        evaluate(policy, "straight", PROCEDURAL_COURSE, **settings) for policy in (Straight(), StraightBatch())
+    )  # type: ignore[arg-type]
     assert single == batch and (single.difficulty, single.first_seed) == ("easy", 50)
 
 
@@ -117,10 +119,12 @@ def test_round_is_played_hole_by_hole() -> None:
     """The mean strokes of a round are those of its holes evaluated alone, in a batch and one by one."""
     policy = Straight()
     holes = [
-        evaluate(policy, "straight", name, episodes=1, first_seed=7 + k, max_strokes=3) for k, name in enumerate(NINE)
+        evaluate(policy, "straight", name, episodes=1, first_seed=7 + k, max_strokes=3)
+        for k, name in enumerate(ROUND_HOLES)
     ]
     single, batch = (
-        evaluate(each, "straight", ROUND, episodes=9, first_seed=7, max_strokes=3) for each in (policy, StraightBatch())
+        evaluate(each, "straight", ROUND_COURSE, episodes=9, first_seed=7, max_strokes=3)
+        for each in (policy, StraightBatch())
     )
     assert single == batch and single.strokes == np.mean([hole.strokes for hole in holes])
 

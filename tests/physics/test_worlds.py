@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from minigolf_env.courses import load_course
-from minigolf_env.courses.procedural import GENERATOR
+from minigolf_env.courses.procedural import GENERATOR_VERSION
 from minigolf_env.physics import World, WorldBatch
 from tests.physics.scenes import mesh, room
 
-NAMES = ["dogleg", f"procedural-v{GENERATOR}-hard-3", f"procedural-v{GENERATOR}-easy-4", "dogleg"]
+NAMES = ["dogleg", f"procedural-v{GENERATOR_VERSION}-hard-3", f"procedural-v{GENERATOR_VERSION}-easy-4", "dogleg"]
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from minigolf_env.courses.procedural.features import ROLLING
+from minigolf_env.courses.procedural.lane_features import FELT_ROLLING_RESISTANCE
 from minigolf_env.envs import MiniGolfEnv
 from minigolf_env.envs.observations.bounce_rays import FEATURES_PER_SEGMENT, NUM_BOUNCE_RAYS
 from minigolf_env.envs.observations.rays import CUP_DISTANCE_SCALE
@@ -152,5 +152,5 @@ def test_climb_takes_roll_of_equal_energy() -> None:
     flat, climb = features
     np.testing.assert_allclose(climb[[22, 23]], [0.5, 0.5], rtol=1e-5)
     roll_left = 18 + 11 * NUM_SEGMENTS + 3  # The roll left where the second segment passes the cup, in metres.
-    expected = ROLL_KEPT_PER_BOUNCE * (3.0 - 1.1 - np.array([0.0, 0.05]) / ROLLING)
+    expected = ROLL_KEPT_PER_BOUNCE * (3.0 - 1.1 - np.array([0.0, 0.05]) / FELT_ROLLING_RESISTANCE)
     np.testing.assert_allclose([flat[roll_left], climb[roll_left]], expected, rtol=1e-4)

@@ -9,7 +9,7 @@ import pytest
 from gymnasium.wrappers import TimeLimit
 
 from minigolf_env.courses import Course
-from minigolf_env.courses.builder import Hole
+from minigolf_env.courses.builder import CourseBuilder
 from minigolf_env.envs import MiniGolfEnv
 from minigolf_env.players.search import NOISE_SAMPLES, SearchBudget, search
 
@@ -19,7 +19,7 @@ NOISE = (0.5, 0.015)
 
 def behind_a_wall() -> Course:
     """Return a hole whose cup a slow ball can only reach by rolling around the end of a wall."""
-    hole = Hole("wall", tee=(0.4, 1.0), cup=(3.6, 1.0, 0.0), top_speed=2.0)
+    hole = CourseBuilder("wall", tee=(0.4, 1.0), cup=(3.6, 1.0, 0.0), top_speed=2.0)
     hole.add("lane", outline=[{"box": (0, 0, 4, 2)}])
     hole.add("block", outline=[{"box": (2.0, 0.0, 2.1, 1.6)}], bottom=-0.05, top=0.15)
     return hole.course()

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from minigolf_env.apps.play.aim import Aim
 from minigolf_env.apps.play.scores import BestScores, HoleScore, ScoreCard, score_message
 from minigolf_env.apps.play.stroke import HUMAN_NAME, FloatArray, Stroke, path_to_first_bounce
-from minigolf_env.courses import NINE, ROUND, Course, list_courses, par_of
+from minigolf_env.courses import ROUND_COURSE, ROUND_HOLES, Course, list_courses, par_of
 from minigolf_env.envs import MiniGolfEnv
 from minigolf_env.players.policies import Policy
 from minigolf_env.players.search import search
@@ -38,8 +38,8 @@ class GolfRound:
     def __init__(
         self, hole: str, best: BestScores, opponent: Policy | None = None, opponent_name: str = "opponent"
     ) -> None:
-        holes = list(NINE) if hole == ROUND else list_courses()
-        first_hole = holes[0] if hole == ROUND else hole
+        holes = list(ROUND_HOLES) if hole == ROUND_COURSE else list_courses()
+        first_hole = holes[0] if hole == ROUND_COURSE else hole
         self.holes = holes if first_hole in holes else [first_hole]
         self.best = best
         self.opponent_name = opponent_name

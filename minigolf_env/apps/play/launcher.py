@@ -13,7 +13,7 @@ from minigolf_env._validation import one_of
 from minigolf_env.apps.play.golf_round import GolfRound
 from minigolf_env.apps.play.scores import BestScores
 from minigolf_env.apps.play.throw_mode import ThrowMode
-from minigolf_env.courses import NINE, ROUND, load_course
+from minigolf_env.courses import ROUND_COURSE, ROUND_HOLES, load_course
 from minigolf_env.players.policies import load_policy
 from minigolf_env.rendering import RENDER_PROFILES, RenderSettings
 
@@ -47,7 +47,7 @@ def run(
         minimum = "{} {}".format(*MIN_WINDOW_SIZE)
         raise ValueError(f"size: expected width and height of at least {minimum}, received {size}; give more pixels.")
     settings = RenderSettings("human", size, profile=one_of(profile, RENDER_PROFILES, "profile"))
-    first = load_course(NINE[0] if course == ROUND else course)
+    first = load_course(ROUND_HOLES[0] if course == ROUND_COURSE else course)
     if opponent is not None and first.cup is None:
         raise ValueError(f"opponent: expected none on {first.name!r}, which has no cup, received {opponent!r}.")
     policy = None if opponent is None else load_policy(opponent)

@@ -1,116 +1,123 @@
-"""From a level's number to its lane: legs, turns, features, the green."""
+"""Layout of a level: a random lane with legs, turns, features and the place of the cup."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
-from minigolf_env.courses.procedural.features import FEATURES
-from minigolf_env.courses.procedural.lane import Lane
-from minigolf_env.courses.procedural.portable_rng import Draws
+from minigolf_env.courses.course import Point3
+from minigolf_env.courses.procedural.lane_builder import LaneBuilder
+from minigolf_env.courses.procedural.lane_features import FEATURES_BY_DIFFICULTY
+from minigolf_env.courses.procedural.portable_rng import PortableRng
 
-GENERATOR = 1
-"""Version of the levels, part of their names: raised whenever any level changes."""
+GENERATOR_VERSION = 1
+"""Version of the levels, a part of their names; it is raised whenever any level changes."""
 
 TEE_LENGTH = 0.8
-"""From the border behind the tee to the first feature, m."""
+"""Length of the flat piece from the border behind the tee to the first feature, m."""
 
-CELL = 0.3
-"""How far the flat cell around the cup reaches ahead and back, m."""
+CUP_CELL_HALF_LENGTH = 0.3
+"""Length of the flat cell around the cup, before and behind it, m."""
 
-ASIDE = 0.25
-"""Least distance from the cup to a border beside it, m."""
+MIN_CUP_TO_BORDER = 0.25
+"""Smallest distance from the cup to the border on its left or right, m."""
 
 
-class Shape(NamedTuple):
-    """What a difficulty draws a lane from; pairs are the least and the most."""
+class DifficultySettings(NamedTuple):
+    """Ranges that the lane of a difficulty is drawn from, as pairs of the smallest and largest value."""
 
     legs: tuple[int, int]
+    """Number of legs of the lane."""
     features: tuple[int, int]
-    """A leg."""
+    """Number of features on a leg."""
     widths: tuple[float, float]
-    """At the tee, m."""
+    """Width at the tee, m."""
     steps: tuple[int, int]
-    """Of 15 degrees, a turn."""
+    """Angle of a turn, in steps of 15 degrees."""
 
 
-SHAPES = {
-    "easy": Shape(legs=(1, 2), features=(0, 1), widths=(1.0, 1.3), steps=(3, 6)),
-    "medium": Shape(legs=(2, 3), features=(1, 2), widths=(0.9, 1.25), steps=(2, 6)),
-    "hard": Shape(legs=(3, 5), features=(1, 2), widths=(0.85, 1.2), steps=(2, 7)),
+DIFFICULTY_SETTINGS = {
+    "easy": DifficultySettings(legs=(1, 2), features=(0, 1), widths=(1.0, 1.3), steps=(3, 6)),
+    "medium": DifficultySettings(legs=(2, 3), features=(1, 2), widths=(0.9, 1.25), steps=(2, 6)),
+    "hard": DifficultySettings(legs=(3, 5), features=(1, 2), widths=(0.85, 1.2), steps=(2, 7)),
 }
-"""By difficulty."""
+"""Settings of each difficulty."""
 
-DIFFICULTIES = tuple(SHAPES)
+DIFFICULTY_NAMES = tuple(DIFFICULTY_SETTINGS)
+"""Names of the difficulties, from easy to hard."""
 
-FURTHEST = 9.0
-"""Largest coordinate in plan, m."""
+MAX_LAYOUT_COORDINATE = 9.0
+"""Largest absolute x or y of a lane, m."""
 
-ATTEMPTS = 50
-"""Lanes drawn until one keeps clear of itself; most first ones do."""
+MAX_LAYOUT_ATTEMPTS = 50
+"""Largest number of lanes that are drawn until one does not overlap itself; most first ones do not."""
 
 
 class Layout(NamedTuple):
-    """A finished lane."""
+    """Finished lane with a place for the cup."""
 
-    lane: Lane
+    lane: LaneBuilder
+    """Lane from the tee to the end."""
     cell: int
-    """The cross-section before the cup's cell; the next one is after it."""
-    cup: tuple[float, float, float]
-    """Centre of the rim, m."""
+    """Index of the cross-section before the cup; the next one is behind it."""
+    cup: Point3
+    """Centre of the cup's rim, m."""
     legs: int
+    """Number of legs."""
 
 
-def lay_out(difficulty: str, draws: Draws) -> Layout:
-    """Return a lane that keeps clear of itself and within FURTHEST."""
-    for _ in range(ATTEMPTS):
-        layout = _attempt(difficulty, draws, draws.integer(*SHAPES[difficulty].legs))
-        if layout.lane.spread() <= FURTHEST and not layout.lane.overlaps():
+def generate_layout(difficulty: str, rng: PortableRng) -> Layout:
+    """Return a lane that does not overlap itself and stays within MAX_LAYOUT_COORDINATE."""
+    for _ in range(MAX_LAYOUT_ATTEMPTS):
+        layout = _draw_layout(difficulty, rng, rng.integer(*DIFFICULTY_SETTINGS[difficulty].legs))
+        if layout.lane.max_coordinate() <= MAX_LAYOUT_COORDINATE and not layout.lane.overlaps_itself():
             return layout
-    return _attempt(difficulty, draws, 1)
+    return _draw_layout(difficulty, rng, 1)
 
 
-def _attempt(difficulty: str, draws: Draws, legs: int) -> Layout:
-    shape = SHAPES[difficulty]
-    # On average the lane leads away from the tee as it started: turns about as often bring it back as not.
-    lane = Lane(width=draws.between(*shape.widths), heading=draws.integer(0, 23))
-    lane.go(TEE_LENGTH)
+def _draw_layout(difficulty: str, rng: PortableRng, legs: int) -> Layout:
+    settings = DIFFICULTY_SETTINGS[difficulty]
+    # Left and right turns are equally frequent, so that on average the lane keeps its first direction.
+    lane = LaneBuilder(width=rng.uniform(*settings.widths), heading=rng.integer(0, 23))
+    lane.add_straight(TEE_LENGTH)
     for leg in range(legs):
         if leg > 0:
-            _turn(lane, draws, draws.integer(*shape.steps))
-        share = draws.between(0.0, 1.0 / 16.0)
-        lane.taper = -share if lane.width > 1.05 else share
-        many = draws.integer(*shape.features) + (difficulty == "easy" and legs == 1)
-        lane.go(0.25)
-        for _ in range(many):
-            draws.one_of(FEATURES[difficulty])(lane, draws)
-        lane.go(draws.between(0.2, 0.6))
-    return _green(lane, draws, legs)
+            _add_random_turn(lane, rng, rng.integer(*settings.steps))
+        taper = rng.uniform(0.0, 1.0 / 16.0)
+        lane.taper = -taper if lane.width > 1.05 else taper
+        num_features = rng.integer(*settings.features) + (difficulty == "easy" and legs == 1)
+        lane.add_straight(0.25)
+        for _ in range(num_features):
+            rng.choice(FEATURES_BY_DIFFICULTY[difficulty])(lane, rng)
+        lane.add_straight(rng.uniform(0.2, 0.6))
+    return _add_green(lane, rng, legs)
 
 
-def _turn(lane: Lane, draws: Draws, steps: int) -> None:
-    side = draws.sign()
-    if draws.integer(0, 2) == 0:
-        lane.bend(side * steps, draws.between(0.15, 0.5))
+def _add_random_turn(lane: LaneBuilder, rng: PortableRng, steps: int) -> None:
+    side = rng.sign()
+    if rng.integer(0, 2) == 0:
+        lane.add_bend(side * steps, rng.uniform(0.15, 0.5))
     else:
-        lane.turn(side * steps, draws.one_of(("square", "cut", "round")) if steps <= 6 else "round")
+        lane.add_turn(side * steps, rng.choice(("square", "cut", "round")) if steps <= 6 else "round")
     lane.taper = 0.0
-    lane.go(0.15)
+    lane.add_straight(0.15)
 
 
-def _green(lane: Lane, draws: Draws, legs: int) -> Layout:
-    """Lay the flat part around the cup, and the end."""
+def _add_green(lane: LaneBuilder, rng: PortableRng, legs: int) -> Layout:
+    """Add the flat part around the cup and the end of the lane."""
+    # Add the flat cell around the cup.
     lane.taper = 0.0
     cell = len(lane.sections) - 1
-    aside = lane.width / 2.0 - ASIDE
-    left = draws.between(-aside, aside)
-    cup = (*lane.at(CELL, left), lane.z)
-    lane.go(2.0 * CELL)
+    max_offset = lane.width / 2.0 - MIN_CUP_TO_BORDER
+    left = rng.uniform(-max_offset, max_offset)
+    cup = (*lane.point_at(CUP_CELL_HALF_LENGTH, left), lane.z)
+    lane.add_straight(2.0 * CUP_CELL_HALF_LENGTH)
     lane.route.append(cup[:2])
-    wide = lane.width
-    ending = draws.one_of(("square", "cut", "round"))
+    # Add the end, which is square, has cut corners, or is round.
+    width = lane.width
+    ending = rng.choice(("square", "cut", "round"))
     if ending == "cut":
-        lane.go(0.25, width=wide - 0.4)
+        lane.add_straight(0.25, width=width - 0.4)
     elif ending == "round":
         for k in range(1, 6):
-            lane.go(0.08, width=wide * (1.0 - 0.5 * (k / 5.0) ** 2))
+            lane.add_straight(0.08, width=width * (1.0 - 0.5 * (k / 5.0) ** 2))
     return Layout(lane, cell, cup, legs)

@@ -1,6 +1,7 @@
-"""Random numbers that are the same on every machine and with every version of numpy, and directions without libm.
+"""Random numbers and directions that are the same on every machine and with every version of numpy.
 
-numpy promises the raw bits of PCG64 and of SeedSequence for good, and what Generator makes of them for one version.
+numpy guarantees the raw bits of PCG64 and of SeedSequence for ever, but the methods of Generator for one version only.
+Directions are computed without the last bits of the C library's cosine, which differ between systems.
 """
 
 from __future__ import annotations
@@ -13,53 +14,58 @@ import numpy as np
 
 Choice = TypeVar("Choice")
 
-GRID = 2.0**-10
-"""Drawn lengths are multiples of this, m."""
+LENGTH_GRID = 2.0**-10
+"""Grid that random lengths are rounded to, m."""
 
-TURN = 24
-"""Directions in a full turn: 15 degrees each."""
+HEADINGS_PER_TURN = 24
+"""Number of headings in a full turn: 15 degrees each."""
 
-FINE = 2.0**30
-"""Cosines are rounded to multiples of 1 / FINE: the last bits of libm, which differ between systems, cannot show."""
+COSINE_RESOLUTION = 2.0**30
+"""Number of grid steps per unit that cosines are rounded to, which removes the bits that differ between systems."""
 
 
-def circle(sides: int) -> list[tuple[float, float]]:
+def unit_circle(sides: int) -> list[tuple[float, float]]:
     """Return the corners (cosine, sine) of the regular polygon in the unit circle, counter-clockwise from (1, 0)."""
-    turns = [2.0 * math.pi * k / sides for k in range(sides)]
-    return [(round(math.cos(turn) * FINE) / FINE, round(math.sin(turn) * FINE) / FINE) for turn in turns]
+    angles = [2.0 * math.pi * k / sides for k in range(sides)]
+    return [(_round_cosine(math.cos(angle)), _round_cosine(math.sin(angle))) for angle in angles]
 
 
-DIRECTIONS = circle(TURN)
+def _round_cosine(value: float) -> float:
+    return round(value * COSINE_RESOLUTION) / COSINE_RESOLUTION
 
 
-def direction(heading: int) -> tuple[float, float]:
+HEADING_VECTORS = unit_circle(HEADINGS_PER_TURN)
+"""Unit vector of each heading."""
+
+
+def heading_vector(heading: int) -> tuple[float, float]:
     """Return the unit vector of a heading, counted in steps of 15 degrees counter-clockwise from x."""
-    return DIRECTIONS[heading % TURN]
+    return HEADING_VECTORS[heading % HEADINGS_PER_TURN]
 
 
-class Draws:
-    """A stream of random choices.
+class PortableRng:
+    """Random number generator whose numbers do not depend on the machine or on numpy's version.
 
     Args:
-        key: whole numbers >= 0 that name the stream.
+        key: integers >= 0 that identify the stream.
     """
 
     def __init__(self, *key: int) -> None:
         self._bits = np.random.PCG64(np.random.SeedSequence(key))
 
     def integer(self, low: int, high: int) -> int:
-        """Return one of low, ..., high."""
+        """Return a random integer from low to high, both included."""
         return low + int(self._bits.random_raw()) % (high - low + 1)
 
-    def between(self, low: float, high: float) -> float:
-        """Return a length from low to high, m, on the grid."""
-        share = (int(self._bits.random_raw()) >> 11) * 2.0**-53
-        return round((low + (high - low) * share) / GRID) * GRID
+    def uniform(self, low: float, high: float) -> float:
+        """Return a random length from low to high, m, rounded to the grid."""
+        fraction = (int(self._bits.random_raw()) >> 11) * 2.0**-53
+        return round((low + (high - low) * fraction) / LENGTH_GRID) * LENGTH_GRID
 
-    def one_of(self, choices: Sequence[Choice]) -> Choice:
-        """Return one of the choices."""
+    def choice(self, choices: Sequence[Choice]) -> Choice:
+        """Return a random element of a sequence."""
         return choices[self.integer(0, len(choices) - 1)]
 
     def sign(self) -> int:
-        """Return -1 or 1."""
-        return self.one_of((-1, 1))
+        """Return -1 or 1 at random."""
+        return self.choice((-1, 1))

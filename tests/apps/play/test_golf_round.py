@@ -10,7 +10,7 @@ from minigolf_env.apps.play.golf_round import GolfRound
 from minigolf_env.apps.play.scores import BestScores
 from minigolf_env.apps.play.stroke import HUMAN_NAME
 from minigolf_env.apps.play.throw_mode import ThrowMode
-from minigolf_env.courses import NINE, list_courses, load_course
+from minigolf_env.courses import ROUND_HOLES, list_courses, load_course
 from minigolf_env.envs.observations import OBSERVATIONS
 from minigolf_env.players.mlp import MLP, Layer
 from minigolf_env.players.mlp_policy import MLPPolicy
@@ -88,7 +88,7 @@ def test_next_hole_starts_with_a_clear_row_and_no_undo(tmp_path: Path) -> None:
 def test_round_has_nine_holes(tmp_path: Path) -> None:
     """A game that starts at a hole goes through all bundled holes instead."""
     golf = GolfRound("round", BestScores(tmp_path / "scores.json"))
-    assert (golf.hole, golf.holes, len(golf.card.pars)) == ("straight", list(NINE), 9)
+    assert (golf.hole, golf.holes, len(golf.card.pars)) == ("straight", list(ROUND_HOLES), 9)
     for _ in range(9):
         golf.next_hole()
     assert golf.hole == "straight" and new_round(tmp_path).holes == list_courses()

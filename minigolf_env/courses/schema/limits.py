@@ -1,4 +1,4 @@
-"""How large a course file and what it describes may be: a hostile one is refused before it costs memory."""
+"""Limits on the size of course files, so that a hostile file is rejected before it costs memory or time."""
 
 from __future__ import annotations
 
@@ -7,23 +7,28 @@ from dataclasses import dataclass
 
 from minigolf_env.courses.course import CourseError
 
+MAX_COORDINATE = 1000.0
+"""Largest coordinate in a course file or a mesh file, m."""
+
 
 @dataclass(frozen=True)
 class Limits:
-    """Bounds on course files; larger ones are taken when asked for."""
+    """Limits on course files; pass larger ones to ``load_course`` to load larger files."""
 
     file_bytes: int = 64_000_000
-    """Of one .glb or mesh file."""
+    """Largest size of a .glb file or a mesh file, bytes."""
     text_bytes: int = 16_000_000
-    """Of one .toml, .obj, .ply or text .stl file, which take a hundred times their size while they are read, and of the
-    JSON in a .glb file."""
+    """Largest size of a .toml, .obj, .ply or text .stl file and of the JSON in a .glb file, bytes.
+
+    Parsing text takes about a hundred times the size of the file in memory.
+    """
     triangles: int = 500_000
-    """Of a whole course."""
+    """Largest number of triangles in a course."""
     cells: int = 200_000
-    """Of the grid of one lane with heights; two triangles each."""
+    """Largest number of cells in the grid of a lane with heights; each cell is two triangles."""
 
     def check_triangles(self, count: int) -> None:
-        """Raise a CourseError if a course would have more triangles."""
+        """Raise a CourseError if a course would have more triangles than the limit."""
         if count > self.triangles:
             raise CourseError(
                 f"expected at most {self.triangles} triangles in a course, received {count}; "
@@ -31,7 +36,7 @@ class Limits:
             )
 
     def check_bytes(self, what: str, size: int, text: bool = False) -> None:
-        """Raise a CourseError if a file is larger."""
+        """Raise a CourseError if a file is larger than the limit."""
         limit = self.text_bytes if text else self.file_bytes
         if size > limit:
             raise CourseError(
@@ -40,10 +45,15 @@ class Limits:
             )
 
     def check_cells(self, box: tuple[float, float, float, float], cell: tuple[float, float]) -> None:
-        """Raise a CourseError if a grid of a cell's size (m) over a box (left, low, right, high) has more cells."""
-        columns, rows = (
-            math.ceil(side / size) for side, size in zip((box[2] - box[0], box[3] - box[1]), cell, strict=True)
-        )
+        """Raise a CourseError if a grid has more cells than the limit.
+
+        Args:
+            box: the grid's bounding box (min x, min y, max x, max y), m.
+            cell: the size of a cell along x and y, m.
+        """
+        columns = math.ceil((box[2] - box[0]) / cell[0])
+        rows = math.ceil((box[3] - box[1]) / cell[1])
+        # The triangles between the cells and the outline are as narrow as the cells.
         seam = 2 * (columns + rows) * max(cell) / min(cell)
         if columns * rows + seam > self.cells:
             raise CourseError(

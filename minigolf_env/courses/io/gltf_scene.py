@@ -1,0 +1,325 @@
+"""Binary glTF 2.0 (.glb): named objects with triangles, positions and extra properties.
+
+The reader uses positions, indices, transforms, names and extras only (glTF 2.0, Khronos Group, sections 3.5 to 3.7 and
+4.4). It allocates nothing by the counts in a file: every array is a slice of the file. The y axis of glTF points up:
+(x, y, z) here is (x, z, -y) there, which changes only signs.
+"""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import json
+import struct
+from collections.abc import Sequence
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+from trimesh.transformations import quaternion_matrix
+
+from minigolf_env.courses.course import CourseError
+from minigolf_env.courses.schema.limits import MAX_COORDINATE, Limits
+
+FloatArray: TypeAlias = NDArray[np.float64]
+IntArray: TypeAlias = NDArray[np.int64]
+JsonObject: TypeAlias = dict[str, Any]
+
+EXACT_VERTICES_KEY = "exact_vertices"
+"""Extra property of an object: its vertices as base64 of little-endian float64, because glTF stores positions as
+float32."""
+
+INDEX_DTYPES: dict[int, np.dtype[Any]] = {5121: np.dtype("u1"), 5123: np.dtype("<u2"), 5125: np.dtype("<u4")}
+"""Types of indices by their glTF component type."""
+
+FLOAT_COMPONENT = 5126
+"""Component type of float32 in glTF."""
+
+UINT32_COMPONENT = 5125
+"""Component type of uint32 in glTF."""
+
+VERTEX_BUFFER = 34962
+"""Target of a buffer view of vertices in glTF."""
+
+INDEX_BUFFER = 34963
+"""Target of a buffer view of indices in glTF."""
+
+TRIANGLES_MODE = 4
+"""Mode of a primitive of triangles in glTF."""
+
+MAX_NODE_DEPTH = 64
+"""Largest depth of the hierarchy of nodes."""
+
+MAX_TRANSFORM_VALUE = 1e6
+"""Largest value in the transform of a node."""
+
+
+class SceneObject(NamedTuple):
+    """Named object of a scene: a mesh, or an empty that marks a position."""
+
+    name: str
+    """Name of the object."""
+    at: tuple[float, float, float]
+    """Origin of the object, z up, m."""
+    extras: JsonObject
+    """Extra properties."""
+    vertices: FloatArray | None
+    """Vertices (V, 3), z up, m; None: an empty."""
+    faces: IntArray | None
+    """Faces (F, 3) as indices of vertices; None: an empty."""
+    color: tuple[float, float, float] | None = None
+    """Colour (sRGB) for programs that draw the scene; None: grey."""
+
+
+def read_scene(content: bytes, limits: Limits) -> tuple[list[SceneObject], JsonObject]:
+    """Return the objects of a .glb file's scene, and the scene's extras.
+
+    Raises:
+        CourseError: the file is not a glTF binary of plain triangles, or has too many of them.
+    """
+    try:
+        data, binary = _split_chunks(content, limits)
+        nodes = data.get("nodes", [])
+        scene = data.get("scenes", [{}])[data.get("scene", 0)]
+        reader = _SceneReader(data, binary, limits)
+        objects: list[SceneObject] = []
+        for root in scene.get("nodes", range(len(nodes))):
+            reader.visit(root, np.eye(4), 0, objects)
+        return objects, _extras_of(scene)
+    except CourseError:
+        raise
+    except (ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError, struct.error) as error:
+        raise CourseError(
+            f"expected a binary glTF 2.0 file of plain triangles, received one that breaks at {error!r:.200}; "
+            "export it as .glb without compression."
+        ) from error
+
+
+class _SceneReader:
+    """Reader of nodes and their meshes; it counts triangles over the whole scene."""
+
+    def __init__(self, data: JsonObject, binary: bytes, limits: Limits) -> None:
+        self.data = data
+        self.binary = binary
+        self.limits = limits
+        self.visited: set[int] = set()
+        self.num_triangles = 0
+        self.num_corners = 0
+
+    def visit(self, number: int, parent_matrix: FloatArray, depth: int, objects: list[SceneObject]) -> None:
+        """Append the object of a node, and those of its children."""
+        if number in self.visited or depth > MAX_NODE_DEPTH:
+            raise ValueError(f"node {number}, which is its own child or too deep")
+        self.visited.add(number)
+        node = self.data["nodes"][number]
+        extras = _extras_of(node)
+        matrix = parent_matrix @ _node_matrix(node)
+        vertices = faces = None
+        if "mesh" in node:
+            vertices, faces = self._read_mesh(self.data["meshes"][node["mesh"]], matrix, extras)
+        x, y, z = matrix[:3, 3].tolist()
+        objects.append(SceneObject(str(node.get("name", f"node {number}")), (x, -z, y), extras, vertices, faces))
+        for child in node.get("children", ()):
+            self.visit(child, matrix, depth + 1, objects)
+
+    def _read_mesh(self, mesh: JsonObject, matrix: FloatArray, extras: JsonObject) -> tuple[FloatArray, IntArray]:
+        """Return the vertices and faces of a mesh, in the coordinates of the scene."""
+        points = []
+        faces = []
+        num_points = 0
+        for primitive in mesh["primitives"]:
+            # Read the corners and their indices.
+            if primitive.get("mode", TRIANGLES_MODE) != TRIANGLES_MODE:
+                raise ValueError("a mesh of lines or points")
+            corners = self._read_array(primitive["attributes"]["POSITION"], 3)
+            index = np.arange(len(corners))
+            if "indices" in primitive:
+                index = self._read_array(primitive["indices"], 1)
+            points.append(corners)
+            faces.append(index.astype(np.int64).reshape(-1, 3) + num_points)
+            if index.size and index.max() >= len(corners):
+                raise ValueError("indices beyond the positions")
+            # Check the limits at once: a small file can use the same array again and again.
+            num_points += len(corners)
+            self.num_corners += len(corners)
+            self.limits.check_triangles(self.num_corners // 3)
+            self.num_triangles += index.size // 3
+            self.limits.check_triangles(self.num_triangles)
+        # Transform the points; a mirrored object is wound the other way around.
+        vertices = _y_up_to_z_up(_transform_points(np.concatenate(points), extras, matrix))
+        if not np.abs(vertices).max(initial=0.0) <= MAX_COORDINATE:
+            raise ValueError(f"positions beyond {MAX_COORDINATE:g} m")
+        all_faces = np.concatenate(faces)
+        is_mirrored = np.linalg.det(matrix[:3, :3]) < 0.0
+        return vertices, all_faces[:, ::-1] if is_mirrored else all_faces
+
+    def _read_array(self, number: int, width: int) -> NDArray[Any]:
+        """Return a copy of an accessor's array: float32 positions (N, 3), or indices (N,) if ``width`` is 1."""
+        # Check that the accessor is one of positions or indices, in this file.
+        accessor = self.data["accessors"][number]
+        if "sparse" in accessor or accessor["type"] != ("VEC3" if width == 3 else "SCALAR"):
+            raise ValueError("an accessor of another kind")
+        component = accessor["componentType"]
+        is_float = component == FLOAT_COMPONENT
+        dtype: np.dtype[Any] = np.dtype("<f4") if width == 3 and is_float else INDEX_DTYPES[component]
+        view = self.data["bufferViews"][accessor["bufferView"]]
+        if view.get("buffer", 0) != 0 or (width == 3) != is_float:
+            raise ValueError("data outside of the file")
+        # Check that the array lies within its view, and the view within the file.
+        start = view.get("byteOffset", 0)
+        length = view["byteLength"]
+        offset = accessor.get("byteOffset", 0)
+        count = accessor["count"]
+        row = dtype.itemsize * width
+        stride = view.get("byteStride", row)
+        numbers = (start, length, offset, count, stride)
+        if not all(type(value) is int and 0 <= value <= len(self.binary) for value in numbers):
+            raise ValueError("an accessor beyond the file")
+        end_in_view = offset + (count - 1) * stride + row
+        if not count or stride < row or end_in_view > length or start + length > len(self.binary):
+            raise ValueError("an accessor beyond its view")
+        # Copy the rows.
+        part = np.frombuffer(self.binary, np.uint8, (count - 1) * stride + row, start + offset)
+        rows = np.lib.stride_tricks.as_strided(part, (count, row), (stride, 1))
+        array: NDArray[Any] = np.ascontiguousarray(rows).view(dtype)
+        if width == 3 and not np.isfinite(array).all():
+            raise ValueError("positions that are not finite")
+        return array if width == 3 else array.reshape(-1)
+
+
+def _split_chunks(content: bytes, limits: Limits) -> tuple[JsonObject, bytes]:
+    """Return the JSON and the binary chunk of a .glb file."""
+    magic, version, length = struct.unpack_from("<4sII", content)
+    if magic != b"glTF" or version != 2 or length > len(content):
+        raise ValueError("the header")
+    size, kind = struct.unpack_from("<I4s", content, 12)
+    if kind != b"JSON" or 20 + size > len(content):
+        raise ValueError("the JSON chunk")
+    limits.check_bytes("JSON in it", size, text=True)
+    data = json.loads(content[20 : 20 + size])
+    rest = content[20 + size :]
+    binary = b""
+    if len(rest) >= 8:
+        size, kind = struct.unpack_from("<I4s", rest)
+        binary = rest[8 : 8 + size] if kind == b"BIN\0" else b""
+    return data, binary
+
+
+def _node_matrix(node: JsonObject) -> FloatArray:
+    if "matrix" in node:
+        matrix = np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
+    else:
+        matrix = np.eye(4)
+        if "rotation" in node:
+            x, y, z, w = node["rotation"]
+            matrix = quaternion_matrix([w, x, y, z])  # type: ignore[no-untyped-call]
+        matrix[:3, :3] = matrix[:3, :3] * np.array(node.get("scale", (1.0, 1.0, 1.0)), dtype=np.float64)
+        matrix[:3, 3] = node.get("translation", (0.0, 0.0, 0.0))
+    if not np.isfinite(matrix).all() or np.abs(matrix).max() > MAX_TRANSFORM_VALUE:
+        raise ValueError("a transform that is not finite")
+    return matrix
+
+
+def _transform_points(stored: NDArray[np.float32], extras: JsonObject, matrix: FloatArray) -> FloatArray:
+    """Return positions in the scene: the exact ones in the extras, unless the object was changed since its export."""
+    points = stored.astype(np.float64)
+    if EXACT_VERTICES_KEY in extras:
+        try:
+            exact = np.frombuffer(base64.b64decode(extras[EXACT_VERTICES_KEY], validate=True), "<f8").reshape(-1, 3)
+        except (binascii.Error, TypeError, ValueError):
+            exact = np.empty((0, 3))
+        if exact.shape == points.shape and np.abs(exact).max(initial=0.0) <= MAX_COORDINATE:
+            is_unchanged = np.array_equal(_z_up_to_y_up(exact).astype(np.float32), stored)
+            points = _z_up_to_y_up(exact) if is_unchanged else points
+    if np.array_equal(matrix, np.eye(4)):
+        return points
+    return np.asarray(points @ matrix[:3, :3].T + matrix[:3, 3])
+
+
+def _y_up_to_z_up(points: FloatArray) -> FloatArray:
+    return np.stack([points[:, 0], -points[:, 2], points[:, 1]], axis=1)
+
+
+def _z_up_to_y_up(points: FloatArray) -> FloatArray:
+    return np.stack([points[:, 0], points[:, 2], -points[:, 1]], axis=1)
+
+
+def _extras_of(owner: JsonObject) -> JsonObject:
+    extras = owner.get("extras") or {}
+    if not isinstance(extras, dict):
+        raise ValueError("extras that are not named")
+    return extras
+
+
+def write_scene(objects: Sequence[SceneObject], extras: JsonObject) -> bytes:
+    """Return the content of a .glb file with objects and a scene's extras."""
+    writer = _SceneWriter()
+    for item in objects:
+        writer.add_object(item)
+    return writer.content(extras)
+
+
+class _SceneWriter:
+    """Writer that collects the arrays and the JSON of a scene."""
+
+    def __init__(self) -> None:
+        self.nodes: list[JsonObject] = []
+        self.meshes: list[JsonObject] = []
+        self.accessors: list[JsonObject] = []
+        self.views: list[JsonObject] = []
+        self.materials: list[JsonObject] = []
+        self.binary = b""
+
+    def add_object(self, item: SceneObject) -> None:
+        """Add a node, with its mesh and material if it is not an empty."""
+        node: JsonObject = {"name": item.name, "extras": dict(item.extras)}
+        if item.vertices is None or item.faces is None:
+            node["translation"] = _z_up_to_y_up(np.array([item.at]))[0].tolist()
+        else:
+            node["extras"][EXACT_VERTICES_KEY] = base64.b64encode(item.vertices.astype("<f8").tobytes()).decode()
+            node["mesh"] = self._add_mesh(item.name, item.vertices, item.faces, item.color)
+        self.nodes.append(node)
+
+    def _add_mesh(
+        self, name: str, vertices: FloatArray, faces: IntArray, color: tuple[float, float, float] | None
+    ) -> int:
+        """Add a mesh and its material, and return its number."""
+        points = _z_up_to_y_up(vertices).astype("<f4")
+        box = {"min": points.min(axis=0).tolist(), "max": points.max(axis=0).tolist()}
+        position = self._add_array(
+            points, VERTEX_BUFFER, componentType=FLOAT_COMPONENT, count=len(points), type="VEC3", **box
+        )
+        index = faces.astype("<u4").ravel()
+        indices = self._add_array(index, INDEX_BUFFER, componentType=UINT32_COMPONENT, count=index.size, type="SCALAR")
+        linear = [value**2.2 for value in color or (0.8, 0.8, 0.8)]
+        appearance = {"baseColorFactor": [*linear, 1.0], "metallicFactor": 0.0}
+        self.materials.append({"name": name, "pbrMetallicRoughness": appearance})
+        primitive = {"attributes": {"POSITION": position}, "indices": indices, "material": len(self.materials) - 1}
+        self.meshes.append({"name": name, "primitives": [primitive]})
+        return len(self.meshes) - 1
+
+    def _add_array(self, array: NDArray[Any], target: int, **fields: Any) -> int:
+        """Add an array with a buffer view and an accessor, and return the number of the accessor."""
+        view = {"buffer": 0, "byteOffset": len(self.binary), "byteLength": array.nbytes, "target": target}
+        self.views.append(view)
+        self.binary += array.tobytes()
+        self.accessors.append({"bufferView": len(self.views) - 1, **fields})
+        return len(self.accessors) - 1
+
+    def content(self, extras: JsonObject) -> bytes:
+        """Return the content of the .glb file."""
+        data = {
+            "asset": {"version": "2.0", "generator": "minigolf_env"},
+            "scene": 0,
+            "scenes": [{"nodes": list(range(len(self.nodes))), "extras": extras}],
+            "nodes": self.nodes,
+        }
+        if self.meshes:
+            data |= {"meshes": self.meshes, "accessors": self.accessors}
+            data |= {"bufferViews": self.views, "materials": self.materials}
+            data["buffers"] = [{"byteLength": len(self.binary)}]
+        text = json.dumps(data).encode()
+        text += b" " * (-len(text) % 4)
+        json_chunk = struct.pack("<I4s", len(text), b"JSON") + text
+        body = json_chunk + struct.pack("<I4s", len(self.binary), b"BIN\0") + self.binary
+        return struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body

@@ -1,0 +1,138 @@
+"""Course files in TOML: reading with errors that name line and key, and writing."""
+
+from __future__ import annotations
+
+import functools
+import re
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import tomli_w
+from pydantic import ValidationError
+
+from minigolf_env.courses.course import Course, CourseError
+from minigolf_env.courses.geometry.assembly import assemble_course
+from minigolf_env.courses.io.course_description import describe_course
+from minigolf_env.courses.io.mesh_files import read_mesh
+from minigolf_env.courses.io.validation_errors import format_validation_error
+from minigolf_env.courses.schema.course_file import CourseFile
+from minigolf_env.courses.schema.limits import Limits
+
+KEY_DOT = re.compile(r"\.[ \t]*(?=[\w\"'-])")
+"""Dot that separates the parts of a key; a row of dots in a comment does not match."""
+
+MAX_KEY_DOTS = 100
+"""Largest number of dots in a key; course files need two."""
+
+MAX_REPORTED_FAULTS = 5
+"""Largest number of faults that one error message lists."""
+
+
+def read_description(path: Path, limits: Limits | None = None) -> CourseFile:
+    """Return the description in a TOML file.
+
+    Raises:
+        CourseError: the file cannot be read, is not TOML, or does not describe a course; the message names the file,
+            the line, the key, what was expected and what was received.
+    """
+    limits = limits or Limits()
+    try:
+        limits.check_bytes(f"course file {path.name!r}", path.stat().st_size, text=True)
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise CourseError(f"course file: expected a readable TOML file, received {str(path)!r}: {error}") from error
+    return parse_description(text, path.name)
+
+
+def parse_description(text: str, name: str = "course file") -> CourseFile:
+    """Return the description in TOML text; ``name`` is the name of the file in error messages.
+
+    Raises:
+        CourseError: see ``read_description``.
+    """
+    try:
+        _check_key_lengths(text)
+        data = tomllib.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise CourseError(f"{name}: expected TOML, received text that is not: {error}") from error
+    return validate_description(data, name, text)
+
+
+def validate_description(data: dict[str, Any], name: str, text: str = "") -> CourseFile:
+    """Return the description that a dictionary holds.
+
+    Args:
+        data: content of a course file.
+        name: name of the file in error messages.
+        text: text of the file, in which errors find their line; empty: there is none.
+
+    Raises:
+        CourseError: see ``read_description``.
+    """
+    try:
+        return CourseFile.model_validate(data)
+    except ValidationError as error:
+        found = error.errors(include_url=False, include_context=True)
+        # Pydantic reports a list with a faulty item twice: keep the item, and drop the list.
+        locations = [fault["loc"] for fault in found]
+        faults = [f for f in found if not any(f["loc"] == loc[: len(f["loc"])] != loc for loc in locations)]
+        lines = [format_validation_error(fault, text) for fault in faults[:MAX_REPORTED_FAULTS]]
+        num_hidden = len(faults) - MAX_REPORTED_FAULTS
+        more = f"\nand {num_hidden} more" if num_hidden > 0 else ""
+        raise CourseError(f"{name}: " + "\n".join(lines) + more) from error
+
+
+def read_course(path: Path, cup_radius: float | None = None, limits: Limits | None = None) -> Course:
+    """Return the course in a TOML file, with another cup radius (m) if one is given.
+
+    Raises:
+        CourseError: see ``read_description``, or the described course cannot be built.
+    """
+    return build_course(read_description(path, limits), path.parent, cup_radius, limits)
+
+
+def build_course(
+    file: CourseFile, folder: Path | None = None, cup_radius: float | None = None, limits: Limits | None = None
+) -> Course:
+    """Return the course of a description.
+
+    Args:
+        file: the description.
+        folder: folder of the mesh files that the description names; None: there are none.
+        cup_radius: radius of the cup in place of the file's, m; None: the file's.
+        limits: limits on the size of files and the course; None: the default.
+
+    Raises:
+        CourseError: the described course cannot be built.
+    """
+    load_mesh = functools.partial(read_mesh, folder=folder, limits=limits or Limits())
+    return assemble_course(file, load_mesh, cup_radius, limits)
+
+
+def to_toml(course: Course | CourseFile) -> str:
+    """Return the text of a course file; a Course is written out triangle by triangle and loads with the same bits."""
+    file = course if isinstance(course, CourseFile) else describe_course(course)
+    return tomli_w.dumps(file.model_dump(mode="json", exclude_defaults=True) | _parts_with_kinds(file))
+
+
+def _parts_with_kinds(file: CourseFile) -> dict[str, Any]:
+    """Return the parts without default values, but with their kinds, which are defaults and yet required."""
+    complete = file.model_dump(mode="json", exclude_none=True)["parts"]
+    short = file.model_dump(mode="json", exclude_defaults=True)["parts"]
+    return {"parts": [_with_kind(*pair) for pair in zip(complete, short, strict=True)]}
+
+
+def _with_kind(complete: dict[str, Any], short: dict[str, Any]) -> dict[str, Any]:
+    heights = {}
+    if "heights" in short:
+        pairs = zip(complete["heights"], short["heights"], strict=True)
+        heights = {"heights": [{"kind": height["kind"]} | short_height for height, short_height in pairs]}
+    return {"kind": complete["kind"]} | short | heights
+
+
+def _check_key_lengths(text: str) -> None:
+    """Raise a ValueError for a key of very many parts: tomllib takes time and memory quadratic in their number."""
+    dots = max(len(KEY_DOT.findall(piece)) for piece in re.split(r"[=,\[\]{}\n#]", text))
+    if dots > MAX_KEY_DOTS:
+        raise ValueError(f"a key of more than {MAX_KEY_DOTS} parts")

@@ -1,0 +1,75 @@
+"""Messages about faults in course files: the line and key, what was expected, and what was received."""
+
+from __future__ import annotations
+
+import re
+import reprlib
+from typing import Any
+
+from minigolf_env._validation import one_of
+
+BARE_KEY = re.compile(r"[\w-]+")
+"""Keys that messages show unquoted; other keys may hold any characters, also control codes of a terminal."""
+
+UNION_TAGS = {"point", "arc", "radial", "along", "waves"}
+"""Tags that pydantic adds to the location of a fault, and that are not keys of the file."""
+
+
+def format_validation_error(fault: Any, text: str) -> str:
+    """Return one line about a fault that pydantic found: line and key, what was expected and what was received.
+
+    Args:
+        fault: an item of ``ValidationError.errors()``.
+        text: text of the TOML file; empty: there is none, and the message names no line.
+    """
+    path, line = _locate(fault["loc"], text, fault["type"] == "missing")
+    message = f"{fault['msg'][:1].lower()}{fault['msg'][1:]}".replace("input should be", "expected")
+    message = message.replace("field required", "expected this key, received none; add it")
+    if fault["type"] == "union_tag_invalid":
+        known = re.findall(r"'(\w+)'", fault["ctx"]["expected_tags"])
+        try:
+            one_of(fault["ctx"]["tag"], known, "kind")
+        except ValueError as error:
+            message = str(error)
+    elif fault["type"] not in ("missing", "unknown_key"):
+        message += f", received {reprlib.repr(fault['input'])}"
+    return f"{f'line {line}: ' if line else ''}{f'{path}: ' if path else ''}{message}"
+
+
+def _locate(location: tuple[int | str, ...], text: str, is_missing: bool) -> tuple[str, int | None]:
+    """Return a fault's location as a path of keys, and the line that sets the last of these keys that is found."""
+    path, keys = _format_path(location)
+    keys = keys[:-1] if is_missing else keys
+    lines = [line.lstrip() for line in text.splitlines()]
+    found = None
+    # Start the search for a part's keys at the header of the part.
+    if location[:1] == ("parts",) and len(location) > 1 and isinstance(location[1], int):
+        headers = [k for k, line in enumerate(lines) if re.match(r"\[\[\s*parts\s*\]\]", line)]
+        if location[1] >= len(headers):
+            return path, None
+        found = headers[location[1]]
+        keys = keys[1:]
+    # Search each key from the line of the key before it.
+    for key in keys:
+        pattern = re.compile(rf"(\[*\s*|.*[\s{{.]){re.escape(key)}\s*[=\].]")
+        following = next((k for k in range(found or 0, len(lines)) if pattern.match(lines[k])), None)
+        if following is None:
+            break
+        found = following
+    return path, None if found is None else found + 1
+
+
+def _format_path(location: tuple[int | str, ...]) -> tuple[str, list[str]]:
+    """Return a fault's location as a path such as "parts[0].border", and the keys in it."""
+    path = ""
+    keys = []
+    for number, step in enumerate(location):
+        if isinstance(step, int):
+            path += f"[{step}]"
+        elif step in UNION_TAGS or (number == 2 and location[0] == "parts"):  # The kind of a part follows its index.
+            continue
+        else:
+            name = step if BARE_KEY.fullmatch(step) else repr(step)
+            path += f".{name}" if path else name
+            keys.append(step)
+    return path, keys
