@@ -1,4 +1,4 @@
-"""What all tests share."""
+"""Fixtures and settings of all tests."""
 
 import functools
 import os
@@ -11,15 +11,15 @@ from hypothesis import settings
 
 from minigolf_env.rendering import RenderingError
 
-# Continuous integration must say the same twice; elsewhere each run tries new examples.
+# Continuous integration draws the same hypothesis examples in each run; other runs draw new ones.
 settings.register_profile("ci", derandomize=True)
 if os.environ.get("CI"):
     settings.load_profile("ci")
 
 
 @functools.cache
-def why_no_pictures() -> str | None:
-    """Return why nothing can be drawn on this machine; None if it can."""
+def rendering_error() -> str | None:
+    """Return why this machine cannot render; None if it can."""
     from minigolf_env.rendering.gl.context import EGLContext
 
     try:
@@ -31,17 +31,17 @@ def why_no_pictures() -> str | None:
 
 @pytest.fixture(scope="session")
 def gl() -> None:
-    """Skip what draws pictures where that is impossible."""
-    if why_no_pictures() is not None:
-        pytest.skip(str(why_no_pictures()))
+    """Skip tests that render on machines that cannot."""
+    if rendering_error() is not None:
+        pytest.skip(str(rendering_error()))
 
 
 @pytest.fixture(scope="session")
 def display(gl: None) -> Iterator[str]:
-    """Start a screen in memory; yield its name, the value of DISPLAY."""
+    """Start a virtual display (Xvfb); yield the value of DISPLAY."""
     xvfb = shutil.which("Xvfb")
     if xvfb is None:
-        pytest.skip("windows need a screen: apt-get install xvfb")
+        pytest.skip("windows need a display: apt-get install xvfb")
     read, write = os.pipe()
     command = [xvfb, "-displayfd", str(write), "-screen", "0", "1280x1024x24", "-nolisten", "tcp"]
     server = subprocess.Popen(command, pass_fds=[write], stderr=subprocess.DEVNULL)
@@ -54,6 +54,6 @@ def display(gl: None) -> Iterator[str]:
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, exitstatus: int) -> None:
-    """Say what to try next, before the closing line."""
+    """Print what to try next, before the summary line."""
     if exitstatus == 0:
         terminalreporter.write_line("Next: `make train` trains an agent, `minigolf play` is the game, docs/ says more.")

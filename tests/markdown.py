@@ -1,4 +1,4 @@
-"""What is in a Markdown page: its code, its links, the anchors of its headings."""
+"""Code blocks, links, tables and heading anchors of the Markdown pages."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ PAGES = sorted(
 """All pages of the repository."""
 
 COMPILED_ONLY = "<!-- compiled only: "
-"""How a comment before a code block begins that is not to be run; it goes on with the reason."""
+"""Start of the comment before a code block that is not to be run; the reason follows."""
 
 
 class Block(NamedTuple):
@@ -30,45 +30,47 @@ class Block(NamedTuple):
     language: str
     code: str
     line: int
-    """Of the page, from 1: where it begins."""
+    """Line of the page on which the block begins, from 1."""
     is_run: bool
+    """False for a block after a COMPILED_ONLY comment."""
 
 
 def name(page: Path) -> str:
-    """Return a page's path in the repository."""
+    """Return a page's path relative to the repository."""
     return page.relative_to(ROOT).as_posix()
 
 
 @cache
 def tokens(page: Path) -> list[Token]:
-    """Return a page's blocks in the order of the text, tables included."""
+    """Return the block tokens of a page, tables included."""
     return MarkdownIt("commonmark").enable("table").parse(page.read_text(encoding="utf-8"))
 
 
 def blocks(page: Path, language: str) -> list[Block]:
     """Return a page's code blocks in a language."""
-    found = []
-    for before, token in zip([None, *tokens(page)], tokens(page), strict=False):
+    result = []
+    for previous, token in zip([None, *tokens(page)], tokens(page), strict=False):
         if token.type == "fence" and token.info == language and token.map:
-            is_run = before is None or not before.content.startswith(COMPILED_ONLY)
-            found.append(Block(token.info, token.content, token.map[0] + 1, is_run))
-    return found
+            is_run = previous is None or not previous.content.startswith(COMPILED_ONLY)
+            result.append(Block(token.info, token.content, token.map[0] + 1, is_run))
+    return result
 
 
-def inline(page: Path, kind: str) -> Iterator[Token]:
-    """Yield what is within a page's text, of a kind such as "link_open"."""
+def inline(page: Path, token_type: str) -> Iterator[Token]:
+    """Yield a page's inline tokens of a type such as "link_open"."""
     for token in tokens(page):
-        yield from (child for child in token.children or [] if child.type == kind)
+        yield from (child for child in token.children or [] if child.type == token_type)
 
 
 def links(page: Path) -> list[str]:
-    """Return where a page's links lead and its images are."""
+    """Return the targets of a page's links and images."""
     targets = [link.attrs["href"] for link in inline(page, "link_open")]
-    return [str(target) for target in (*targets, *(image.attrs["src"] for image in inline(page, "image")))]
+    sources = [image.attrs["src"] for image in inline(page, "image")]
+    return [str(target) for target in targets + sources]
 
 
 def anchors(page: Path) -> set[str]:
-    """Return what links to a page's headings end in, as code hosts and the site agree on it."""
-    opened = [k for k, token in enumerate(tokens(page)) if token.type == "heading_open"]
-    texts = ["".join(part.content for part in tokens(page)[k + 1].children or []) for k in opened]
+    """Return the anchors of a page's headings, as code hosts and the site derive them from the text."""
+    headings = [k + 1 for k, token in enumerate(tokens(page)) if token.type == "heading_open"]
+    texts = ["".join(child.content for child in tokens(page)[k].children or []) for k in headings]
     return {re.sub(r"[^\w\s-]", "", text).strip().lower().replace(" ", "-") for text in texts}

@@ -1,4 +1,4 @@
-"""What constraint and lock files pin."""
+"""Versions that constraint files pin."""
 
 from __future__ import annotations
 
@@ -9,11 +9,6 @@ from packaging.utils import canonicalize_name
 
 
 def read_pins(path: Path) -> dict[str, str]:
-    """Return the version that a file pins for each package, by canonical name."""
-    return pins(path.read_text())
-
-
-def pins(text: str) -> dict[str, str]:
-    """Return the versions in lines such as "numpy==2.4.6", by canonical name."""
-    found = re.findall(r"^([\w.-]+)==([^\s;]+)", text, re.MULTILINE)
-    return {canonicalize_name(name): version for name, version in found}
+    """Return the version in each line such as "numpy==2.4.6" of a file, by canonical package name."""
+    lines = re.findall(r"^([\w.-]+)==([^\s;]+)", path.read_text(), re.MULTILINE)
+    return {canonicalize_name(name): version for name, version in lines}

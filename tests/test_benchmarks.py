@@ -1,4 +1,4 @@
-"""The benchmarks run, without any other engine: they measure in `make bench`, here they must not rot."""
+"""The benchmark programs run and print all rows, also without other engines; `make bench` measures."""
 
 from __future__ import annotations
 
@@ -22,22 +22,22 @@ from benchmarks.scenes import RADIUS, SCENES, scene_l, scene_s, scene_t
 
 
 @pytest.fixture(autouse=True)
-def threads() -> Iterator[None]:
-    """The scripts run numba on one thread; the tests after them shall not."""
+def restore_threads() -> Iterator[None]:
+    """Restore numba's number of threads, which the programs set to one."""
     before = numba.get_num_threads()
     yield
     numba.set_num_threads(before)
 
 
-def test_scenes_are_as_large_as_they_say() -> None:
-    """The rates of engines that were measured elsewhere are of scenes with these numbers of triangles."""
+def test_scenes_have_the_stated_numbers_of_triangles() -> None:
+    """Rates that were measured on other machines are of scenes with these sizes."""
     sizes = {name: build().triangles - 12 for name, build in SCENES.items()}
     assert sizes == {"S": 0, "M": 3_008, "L": 100_352, "T": 100_352, "W": 24, "D": 3_308}
 
 
 @pytest.mark.parametrize("name", ["S", "M", "W", "D", "small L", "small T"])
-def test_scenes_have_free_tees_and_free_points(name: str) -> None:
-    """Putts start touching the ground, throws and sweeps start in free space."""
+def test_scenes_start_putts_on_the_ground_and_sweeps_in_free_space(name: str) -> None:
+    """Putts start in contact with the ground; throws and sweeps start clear of all triangles."""
     small = {"small L": lambda: scene_l(28), "small T": lambda: scene_t(28)}
     scene = {**SCENES, **small}[name]()
     world, rng = scene.world(), np.random.default_rng(0)
@@ -50,8 +50,8 @@ def test_scenes_have_free_tees_and_free_points(name: str) -> None:
         world.check_collision_free(point)
 
 
-def test_speed_prints_its_tables_and_stores_its_rates(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """All rows appear; the file has those of the rates."""
+def test_speed_prints_its_tables_and_stores_the_rates(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """All rows are printed; the JSON file has the rows with rates."""
     budget = {"putts": 2, "sweeps": 10, "casts": 10, "rounds": 1, "triangles": 800}
     speed.main(speed.Args(**budget, scenes=("S", "M"), peers=(), json=tmp_path / "new" / "speed.json"))
     printed = capsys.readouterr().out
@@ -61,8 +61,8 @@ def test_speed_prints_its_tables_and_stores_its_rates(tmp_path: Path, capsys: py
         assert row in printed
 
 
-def test_the_benchmark_of_levels_goes_on_from_its_log(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A level that the log has is not examined again; the table is the same."""
+def test_levels_benchmark_resumes_from_its_log(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Levels in the log are not examined again; the table stays the same."""
     log = tmp_path / "levels.jsonl"
     levels.main(levels.Args(levels=1, balls=2, difficulty=("easy",), log=log))
     before, lines = capsys.readouterr().out, log.read_text()
@@ -73,15 +73,15 @@ def test_the_benchmark_of_levels_goes_on_from_its_log(tmp_path: Path, capsys: py
     assert log.read_text().startswith(lines) and len(log.read_text().splitlines()) == 2
 
 
-def test_par_is_looked_for(capsys: pytest.CaptureFixture[str]) -> None:
-    """A row for each hole; search's putts are counted."""
+def test_par_prints_a_row_for_each_hole(capsys: pytest.CaptureFixture[str]) -> None:
+    """Search's putts are counted, with those that lost time or ended in a solid."""
     par.main(par.Args(rounds=2, courses=("funnel",)))
     printed = capsys.readouterr().out
     assert "| funnel | 2   | yes " in printed and "late 0; exhausted 0; in a solid 0" in printed
 
 
-def test_exactness_prints_and_stores_its_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """All rows appear, and ours never are behind a wall; the file says the same, and how the energy went."""
+def test_exactness_prints_and_stores_the_same_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """No ball is behind a wall; the JSON file has the printed table and the energy error over time."""
     file = tmp_path / "exactness.json"
     exactness.main(exactness.Args(putts=3, slow_putts=2, throws=2, seconds=2.0, sweeps=10, peers=(), json=file))
     rows = [[cell.strip() for cell in line.split("|")] for line in capsys.readouterr().out.splitlines()]
@@ -96,8 +96,8 @@ def test_exactness_prints_and_stores_its_table(tmp_path: Path, capsys: pytest.Ca
 
 
 @pytest.mark.parametrize("script", [exactness, speed], ids=lambda script: script.__name__)
-def test_stored_results_are_of_todays_scripts(script: Any) -> None:
-    """They were made with the settings that the script has, unchanged, and say by which versions, and on what."""
+def test_stored_results_match_the_current_settings(script: Any) -> None:
+    """Stored results were made with the program's default settings, and name versions and machine."""
     name = script.__name__.rpartition(".")[2]
     text = (Path(speed.__file__).parent / "results" / f"{name}.json").read_text()
     stored, settings = json.loads(text), dataclasses.asdict(script.Args())
@@ -106,34 +106,34 @@ def test_stored_results_are_of_todays_scripts(script: Any) -> None:
     assert {"processor", "cores", "system"} == stored["machine"].keys()
 
 
-def test_exactness_measures_contacts_to_rounding() -> None:
-    """Sweeps to the walls of the room end where the closed form says."""
+def test_sweeps_reach_walls_at_the_closed_form_time() -> None:
+    """Measured times of impact with the walls of the room are exact up to rounding."""
     late = exactness.lateness(Minigolf, exactness.Args(sweeps=200))
     assert late is not None and late < 1e-13
 
 
-def test_the_batch_is_measured_beside_its_putts(capsys: pytest.CaptureFixture[str]) -> None:
-    """A row for each kind of step, of stable-baselines3's side, and of states; memory takes other processes."""
+def test_batch_benchmark_prints_all_rows(capsys: pytest.CaptureFixture[str]) -> None:
+    """Each kind of step, stable-baselines3's interface and states have a row; memory is measured elsewhere."""
     args = batch.Args(envs=3, rounds=1)
     for table in (batch.beside_the_physics, batch.beside_the_batch, batch.states):
         table(args)
     assert sum(line.startswith("| ") for line in capsys.readouterr().out.splitlines()) == 6 + 3 + 3 + 3 * 2
 
 
-def test_a_missing_engine_is_left_out_with_a_word(
+def test_missing_engine_is_skipped_with_a_message(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The scripts go on without it, and say how to get it."""
+    """The programs run without the engine and name the file that installs it."""
     monkeypatch.setitem(sys.modules, "rapier3d", None)
     monkeypatch.delitem(sys.modules, "benchmarks.peers.rapier", raising=False)
     assert load_peers(["rapier3d"]) == []
     assert "benchmarks/requirements.txt" in capsys.readouterr().out
 
 
-@pytest.mark.filterwarnings("ignore")  # The engines' modules warn at import.
+@pytest.mark.filterwarnings("ignore")  # Some engines warn when they are imported.
 @pytest.mark.parametrize("package", PEERS)
-def test_installed_engines_roll_a_ball_as_ours(package: str) -> None:
-    """A second of rolling is the same to 5 mm; a cast ends at the wall."""
+def test_installed_engines_agree_on_a_rolling_ball(package: str) -> None:
+    """After a second of rolling positions agree to 5 mm; a cast ends at the wall."""
     pytest.importorskip(package, reason="benchmarks/requirements.txt brings it")
     scene, start = scene_s(), np.array([[-1.6, 0.0, RADIUS]])
     ours, peer = Minigolf(scene), load_peers([package])[0](scene)
@@ -148,34 +148,34 @@ def test_installed_engines_roll_a_ball_as_ours(package: str) -> None:
     peer.close()
 
 
-def test_an_unknown_engine_is_refused() -> None:
-    """The error lists the known ones."""
+def test_rejects_unknown_engine() -> None:
+    """The error lists the known engines."""
     with pytest.raises(ValueError, match=r"expected some of pybullet, .*, received 'havok'"):
         load_peers(["havok"])
 
 
-def test_search_prints_its_table(capsys: pytest.CaptureFixture[str]) -> None:
-    """All rows of the hole appear."""
+def test_search_benchmark_prints_all_rows(capsys: pytest.CaptureFixture[str]) -> None:
+    """Each variant of search has a row."""
     search.main(search.Args(episodes=1, levels=0))
     printed = capsys.readouterr().out
     for row in ("random", "thorough at once", "search ", "noise, search blind", "noise, search "):
         assert f"| {row}" in printed
 
 
-def test_spread_leaves_out_lost_balls() -> None:
-    """Balls that left count no more; where none is left there is nothing to draw."""
+def test_energy_spread_ignores_lost_balls() -> None:
+    """Quantiles ignore NaN; where all balls are lost they are NaN."""
     low, middle, high = spread(np.array([[1.0, 2.0, 3.0], [5.0, np.nan, 5.0], [np.nan] * 3]))
     assert middle[:2].tolist() == [2.0, 5.0] and low[0] < 2.0 < high[0] and np.isnan(middle[2])
 
 
-def test_the_figure_is_drawn(tmp_path: Path) -> None:
-    """A file appears, its folder too."""
+def test_energy_figure_is_written(tmp_path: Path) -> None:
+    """The SVG file and its folder are created."""
     pytest.importorskip("matplotlib", reason="benchmarks/requirements.txt brings it")
     draw({"one": np.full((9, 4), 1e-3), "lost": np.full((9, 4), np.nan)}, 2.0, tmp_path / "figures" / "energy.svg")
     assert (tmp_path / "figures" / "energy.svg").read_text().startswith("<?xml")
 
 
 @pytest.mark.parametrize(("number", "text"), [(1.234e6, "1.23M"), (45_600, "45.6k"), (789, "789"), (0.0123, "0.0123")])
-def test_numbers_are_short(number: float, text: str) -> None:
-    """Three digits and a unit."""
+def test_numbers_have_three_digits_and_a_unit(number: float, text: str) -> None:
+    """Large numbers are abbreviated with k and M."""
     assert short(number) == text

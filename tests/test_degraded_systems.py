@@ -1,4 +1,4 @@
-"""Machines that lack something: the package works, or one line says what to do."""
+"""On machines that lack something the package works, or one line says what to do."""
 
 from __future__ import annotations
 
@@ -29,24 +29,24 @@ putts = np.random.default_rng(0).uniform(-1.0, 1.0, (3, 64, 2))
 print(*(envs.step(putt)[0].tobytes().hex() for putt in putts))
 """
 
-WITHOUT = """
+PROGRAM_WITHOUT_MODULES = """
 import importlib.machinery, runpy, sys
 
-class Poor(importlib.machinery.PathFinder):
+class FinderWithoutModules(importlib.machinery.PathFinder):
     @classmethod
     def find_spec(cls, name, path=None, target=None):
         return None if name in {missing!r} else super().find_spec(name, path, target)
 
-sys.meta_path[sys.meta_path.index(importlib.machinery.PathFinder)] = Poor
-sys.argv = ["-m", *{words!r}]
+sys.meta_path[sys.meta_path.index(importlib.machinery.PathFinder)] = FinderWithoutModules
+sys.argv = ["-m", *{arguments!r}]
 runpy.run_module({module!r}, run_name="__main__", alter_sys=True)
 """
 
 
-def python(*words: str, folder: Path = ROOT, **environment: str) -> subprocess.CompletedProcess[str]:
-    """Run Python in a process of its own, with environment variables added."""
+def python(*arguments: str, folder: Path = ROOT, **environment: str) -> subprocess.CompletedProcess[str]:
+    """Run Python in a new process with additional environment variables."""
     return subprocess.run(
-        [sys.executable, *words],
+        [sys.executable, *arguments],
         cwd=folder,
         env={**os.environ, **environment},
         capture_output=True,
@@ -55,29 +55,29 @@ def python(*words: str, folder: Path = ROOT, **environment: str) -> subprocess.C
     )
 
 
-def test_where_nothing_can_be_written_a_warning_says_so(tmp_path: Path) -> None:
-    """Neither beside the package's files nor at home: it plays the same, after compiling, which is what is told."""
+def test_without_a_writable_folder_the_physics_compiles_with_a_warning(tmp_path: Path) -> None:
+    """Episodes have the same bits; one warning names NUMBA_CACHE_DIR."""
     package = tmp_path / "site" / "minigolf_env"
     shutil.copytree(Path(minigolf_env.__file__).parent, package, ignore=shutil.ignore_patterns("__pycache__"))
     for folder in [package, *(path for path in package.rglob("*") if path.is_dir())]:
-        (folder / "__pycache__").touch()  # Where a file is no folder can be made, whoever asks.
-    nowhere = {name: "/dev/null" for name in ("HOME", "XDG_CACHE_HOME", "XDG_DATA_HOME")}
-    poor = python("-c", EPISODE, folder=package.parent, NUMBA_CACHE_DIR="", **nowhere)
-    assert poor.returncode == 0, poor.stderr
-    assert poor.stderr.count("NUMBA_CACHE_DIR") == 1 and "Traceback" not in poor.stderr
-    assert poor.stdout == python("-c", EPISODE).stdout
+        (folder / "__pycache__").touch()  # A file of that name prevents a folder, even for root.
+    no_home = {name: "/dev/null" for name in ("HOME", "XDG_CACHE_HOME", "XDG_DATA_HOME")}
+    result = python("-c", EPISODE, folder=package.parent, NUMBA_CACHE_DIR="", **no_home)
+    assert result.returncode == 0, result.stderr
+    assert result.stderr.count("NUMBA_CACHE_DIR") == 1 and "Traceback" not in result.stderr
+    assert result.stdout == python("-c", EPISODE).stdout
 
 
-@pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="cores can be taken away on Linux alone")
+@pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="only Linux restricts a process to cores")
 def test_one_core_gives_the_same_bits() -> None:
-    """Threads have nothing to share then."""
-    few = python("-c", f"import os; os.sched_setaffinity(0, [min(os.sched_getaffinity(0))])\n{BATCH}")
-    assert few.returncode == 0, few.stderr
-    assert few.stdout == python("-c", BATCH).stdout
+    """A batch on one core equals a batch on all cores."""
+    single_core = python("-c", f"import os; os.sched_setaffinity(0, [min(os.sched_getaffinity(0))])\n{BATCH}")
+    assert single_core.returncode == 0, single_core.stderr
+    assert single_core.stdout == python("-c", BATCH).stdout
 
 
 @pytest.mark.parametrize(
-    ("module", "words", "missing", "hint"),
+    ("module", "arguments", "missing", "hint"),
     [
         ("agents.train_ppo", [], ["torch"], 'pip install -c constraints.txt -e ".[agents]"'),
         ("agents.train_ppo", [], ["stable_baselines3"], 'pip install -c constraints.txt -e ".[agents]"'),
@@ -85,24 +85,24 @@ def test_one_core_gives_the_same_bits() -> None:
         ("minigolf_env.cli", ["evaluate", "--policy", "{zip}"], ["torch"], "pip install 'minigolf-env[agents]'"),
     ],
 )
-def test_a_missing_library_is_one_line(
-    module: str, words: list[str], missing: list[str], hint: str, tmp_path: Path
+def test_missing_library_is_reported_in_one_line(
+    module: str, arguments: list[str], missing: list[str], hint: str, tmp_path: Path
 ) -> None:
-    """It names the command that installs it."""
+    """The line has the command that installs the library; no file is written."""
     (tmp_path / "a.zip").touch()
-    words = [word.format(zip=tmp_path / "a.zip") for word in words]
+    arguments = [argument.format(zip=tmp_path / "a.zip") for argument in arguments]
     if module.startswith("agents."):
         pytest.importorskip("stable_baselines3")
-    program = WITHOUT.format(module=module, words=words, missing=missing)
-    poor = python("-c", program, folder=tmp_path, PYTHONPATH=str(ROOT))
-    said = [line for line in poor.stderr.splitlines() if "compiling" not in line]
-    assert poor.returncode == 1 and len(said) == 1 and hint in said[0], poor.stderr
+    program = PROGRAM_WITHOUT_MODULES.format(module=module, arguments=arguments, missing=missing)
+    result = python("-c", program, folder=tmp_path, PYTHONPATH=str(ROOT))
+    lines = [line for line in result.stderr.splitlines() if "compiling" not in line]
+    assert result.returncode == 1 and len(lines) == 1 and hint in lines[0], result.stderr
     assert [path.name for path in tmp_path.iterdir()] == ["a.zip"]
 
 
-@pytest.mark.parametrize("words", [["play"], ["evaluate", "--watch", "--episodes", "1"]])
-def test_without_a_display_a_line_says_what_to_do(words: list[str]) -> None:
-    """Windows need one; pictures do not."""
-    poor = python("-m", "minigolf_env.cli", *words, DISPLAY="")
-    said = [line for line in poor.stderr.splitlines() if "compiling" not in line]
-    assert poor.returncode == 2 and len(said) == 1 and "apt-get install xvfb" in said[0], poor.stderr
+@pytest.mark.parametrize("arguments", [["play"], ["evaluate", "--watch", "--episodes", "1"]])
+def test_missing_display_is_reported_in_one_line(arguments: list[str]) -> None:
+    """The line says how to get a virtual display."""
+    result = python("-m", "minigolf_env.cli", *arguments, DISPLAY="")
+    lines = [line for line in result.stderr.splitlines() if "compiling" not in line]
+    assert result.returncode == 2 and len(lines) == 1 and "apt-get install xvfb" in lines[0], result.stderr

@@ -1,4 +1,4 @@
-"""The house: what is installed, what may import what, and what an import costs."""
+"""Requirements are pinned, imports follow the contracts, and importing the package is cheap."""
 
 import importlib.metadata
 import subprocess
@@ -24,7 +24,8 @@ REQUIREMENTS = [
     for line in group
 ]
 
-LAZY = ("OpenGL", "matplotlib", "pydantic", "pyglet", "shapely", "stable_baselines3", "torch", "trimesh")
+LAZY_IMPORTS = ("OpenGL", "matplotlib", "pydantic", "pyglet", "shapely", "stable_baselines3", "torch", "trimesh")
+"""Libraries that load when they are first used, not with the package."""
 
 
 @pytest.mark.parametrize(("file", "requirement"), REQUIREMENTS, ids=str)
@@ -35,28 +36,28 @@ def test_every_requirement_is_pinned_to_a_version_it_allows(file: str, requireme
     assert requirement.specifier.contains(pin), f"{file} pins {pin}, pyproject.toml asks for {requirement}"
 
 
-def test_with_ray_only_gymnasium_is_another() -> None:
-    """The two tested sets pin the same versions of everything else that is in both."""
+def test_constraints_with_ray_differ_only_in_gymnasium() -> None:
+    """The two constraint files pin the same versions of all other packages that are in both."""
     with_ray, without = (read_pins(ROOT / f"constraints{kind}.txt") for kind in ("-distributed", ""))
     assert {name for name in with_ray.keys() & without.keys() if with_ray[name] != without[name]} == {"gymnasium"}
 
 
-def test_import_rules_hold() -> None:
-    """The contracts in pyproject.toml are kept."""
+def test_imports_follow_the_contracts() -> None:
+    """import-linter finds no violation of the contracts in pyproject.toml."""
     command = [str(Path(sys.executable).with_name("lint-imports")), "--no-cache", "--no-logo"]
     result = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert result.returncode == 0, result.stdout + result.stderr
 
 
-def test_importing_the_package_stays_light() -> None:
-    """Libraries for drawing, learning and mesh files load when they are used, not at import."""
-    code = f"import sys, minigolf_env; print(*sorted(set({LAZY}) & set(sys.modules)))"
+def test_importing_the_package_loads_no_heavy_library() -> None:
+    """Libraries for rendering, learning and mesh files load when they are first used."""
+    code = f"import sys, minigolf_env; print(*sorted(set({LAZY_IMPORTS}) & set(sys.modules)))"
     result = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
     assert result.stdout.split() == []
 
 
-def test_installed_version_is_the_packages() -> None:
-    """The metadata of the installation is that of the source."""
+def test_installed_version_equals_the_source_version() -> None:
+    """The installation's metadata are up to date."""
     installed = importlib.metadata.version("minigolf-env")
     hint = "`touch pyproject.toml` and run make again"
     assert installed == minigolf_env.__version__, f"installed {installed}, source {minigolf_env.__version__}: {hint}"

@@ -1,4 +1,4 @@
-"""What the package asks of Python while it plays: no network, no other program, no pickled code."""
+"""Playing opens no socket, starts no program and unpickles nothing, as Python's audit events show."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 
-WATCHED = ("socket.", "subprocess.", "os.system", "os.exec", "os.fork", "os.posix_spawn", "pickle.find_class")
-"""Beginnings of the names of audit events: see "Audit events table" in Python's documentation."""
+WATCHED_EVENTS = ("socket.", "subprocess.", "os.system", "os.exec", "os.fork", "os.posix_spawn", "pickle.find_class")
+"""Prefixes of the names of audit events: see "Audit events table" in Python's documentation."""
 
 PROGRAM = """
 import sys
@@ -28,28 +28,28 @@ def play(course="dogleg"):
     envs.reset(seed=1)
     envs.step(envs.action_space.sample())
 
-play()  # Compiled kernels are read by now: they are pickled, and one's own.
-seen = []
-sys.addaudithook(lambda event, _: event.startswith({watched!r}) and seen.append(event))
+play()  # Loads the cache of compiled kernels, which this machine pickled itself.
+events = []
+sys.addaudithook(lambda event, _: event.startswith({watched_events!r}) and events.append(event))
 play()
-{what}
-print(*seen)
+{code}
+print(*events)
 """
 
 WINDMILL = str(ROOT / "docs" / "examples" / "windmill.toml")
 BOULDER = str(ROOT / "docs" / "examples" / "boulder.glb")
 
 
-def asked(what: str) -> list[str]:
-    """Return the watched events while a program plays, and does what is asked."""
-    program = PROGRAM.format(watched=WATCHED, what=what)
-    got = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=False)
-    assert got.returncode == 0, got.stderr
-    return got.stdout.split()
+def audit_events(code: str) -> list[str]:
+    """Return the watched events of a process that plays an episode and then runs ``code``."""
+    program = PROGRAM.format(watched_events=WATCHED_EVENTS, code=code)
+    done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout.split()
 
 
 @pytest.mark.parametrize(
-    "what",
+    "code",
     [
         "play('round')",
         "play('procedural')",
@@ -58,26 +58,26 @@ def asked(what: str) -> list[str]:
         "env = MiniGolfEnv(); load_policy('ppo').act(env.reset(seed=1)[0], env)",
     ],
 )
-def test_nothing_else_is_asked_for(what: str) -> None:
-    """Playing, loading files and the model that ships."""
-    assert asked(what) == []
+def test_playing_and_loading_cause_no_watched_event(code: str) -> None:
+    """Bundled courses, course files and the pretrained model need no network, program or pickle."""
+    assert audit_events(code) == []
 
 
-def test_a_strangers_model_runs_no_code(tmp_path: Path) -> None:
-    """Reading stable-baselines3's file by this package unpickles nothing; by its own load it does."""
+def test_loading_a_model_file_unpickles_nothing(tmp_path: Path) -> None:
+    """This package reads stable-baselines3's file without unpickling; PPO.load unpickles it."""
     sb3 = pytest.importorskip("stable_baselines3")
     path = str(tmp_path / "model.zip")
     from minigolf_env.envs import MiniGolfEnv
 
     sb3.PPO("MlpPolicy", MiniGolfEnv(), n_steps=8, batch_size=8, device="cpu").save(path)
-    assert asked(f"load_policy({path!r})") == []
-    assert "pickle.find_class" in asked(f"import stable_baselines3; stable_baselines3.PPO.load({path!r})")
+    assert audit_events(f"load_policy({path!r})") == []
+    assert "pickle.find_class" in audit_events(f"import stable_baselines3; stable_baselines3.PPO.load({path!r})")
 
 
-def test_the_watch_notices() -> None:
-    """Each kind of event."""
-    deeds = "import os, pickle, socket, subprocess; socket.socket(); subprocess.run([sys.executable, '-c', ''])"
-    assert {event.partition(".")[0] for event in asked(f"{deeds}; pickle.loads(pickle.dumps(print))")} >= {
+def test_audit_hook_reports_sockets_processes_and_pickles() -> None:
+    """The tests above would fail if such an event occurred."""
+    code = "import os, pickle, socket, subprocess; socket.socket(); subprocess.run([sys.executable, '-c', ''])"
+    assert {event.partition(".")[0] for event in audit_events(f"{code}; pickle.loads(pickle.dumps(print))")} >= {
         "socket",
         "subprocess",
         "pickle",

@@ -1,4 +1,4 @@
-"""A program of a user who checks types: what mypy infers is asserted, and what is wrong must be an error."""
+"""A user's program: it asserts the types that mypy infers, and its last lines must be type errors."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ assert_type((reward, terminated, truncated, info), tuple[float, bool, bool, dict
 assert_type(env.get_state(), dict[str, Any])
 
 envs = MiniGolfVectorEnv(4)
-observations, rewards, ended, cut, infos = envs.step(envs.action_space.sample())
+observations, rewards, terminations, truncations, infos = envs.step(envs.action_space.sample())
 assert_type(rewards, NDArray[np.float64])
-assert_type(ended, NDArray[np.bool_])
+assert_type(terminations, NDArray[np.bool_])
 
 assert_type(load_course("dogleg"), Course)
 mesh = TriangleMesh([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1, 2)], surface=Surface(damping=0.7))
