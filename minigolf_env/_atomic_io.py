@@ -1,4 +1,7 @@
-"""Files appear whole: they are written beside their place and moved there at the end, over what was there before."""
+"""Atomic file writes: a file is written under a temporary name in its folder, and renamed when it is complete.
+
+A reader finds the old file or the new one, never a part; a program that is interrupted leaves the old one.
+"""
 
 from __future__ import annotations
 
@@ -8,43 +11,43 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-DIGITS = 8
-"""Random hexadecimal digits in the name of a file that is being written, behind its own: .checkpoint-0a1b2c3d.zip."""
+NUM_SUFFIX_DIGITS = 8
+"""Number of random hexadecimal digits in the name of a temporary file: .checkpoint-0a1b2c3d.zip for checkpoint.zip."""
 
 
 @contextmanager
 def atomic_write(path: str | Path) -> Iterator[Path]:
-    """Yield a new, empty file to write to; it becomes ``path`` when the block ends.
+    """Yield a new, empty temporary file to write to; it becomes ``path`` when the block ends.
 
-    An exception in the block, Ctrl-C included, leaves no trace: what was at ``path`` stays.
+    After an exception in the block, Ctrl-C included, the temporary file is removed and a file at ``path`` is unchanged.
 
     Args:
-        path: the file; its folder is made.
+        path: the file; its folder is created.
 
     Raises:
-        OSError: it cannot be written; the block was not entered then.
+        OSError: the file cannot be written; the block was not entered then.
     """
-    place = check_output(path)
-    part = create_temp_sibling(place)
+    target = check_output(path)
+    temporary = create_temp_sibling(target)
     try:
-        yield part
-        commit(part, place)
+        yield temporary
+        commit(temporary, target)
     finally:
-        part.unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)
 
 
 def write_text(path: str | Path, text: str) -> None:
-    """Write a text file, whole or not at all; its folder is made.
+    """Write a text file atomically; its folder is created.
 
     Raises:
-        OSError: it cannot be written.
+        OSError: the file cannot be written.
     """
-    with atomic_write(path) as part:
-        part.write_text(text, encoding="utf-8")
+    with atomic_write(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
 
 
 def check_output(path: str | Path) -> Path:
-    """Return where a file can be written, absolute, or raise an OSError that names the remedy."""
+    """Return the absolute path at which a file can be written, or raise an OSError that says what to do."""
     path = Path(path).expanduser().resolve()
     if path.exists() and not path.is_file():
         raise OSError(f"{path}: expected a file to replace or a new name, there is something else of that name.")
@@ -57,34 +60,37 @@ def check_output(path: str | Path) -> Path:
 
 
 def create_temp_sibling(path: Path) -> Path:
-    """Return a new empty file in the same folder, which is made, and with the same ending: a rename is one step."""
-    part = path.with_name(f".{path.stem[:40]}-{uuid.uuid4().hex[:DIGITS]}{path.suffix}")
+    """Create an empty temporary file next to ``path`` and return it; it has the same suffix, and its folder is created.
+
+    In the same folder it can be renamed to ``path`` in one step.
+    """
+    temporary = path.with_name(f".{path.stem[:40]}-{uuid.uuid4().hex[:NUM_SUFFIX_DIGITS]}{path.suffix}")
     try:
-        part.parent.mkdir(parents=True, exist_ok=True)
-        part.touch(exist_ok=False)
+        temporary.parent.mkdir(parents=True, exist_ok=True)
+        temporary.touch(exist_ok=False)
     except OSError as error:
         raise OSError(f"{path}: cannot be written: {error}; choose another folder.") from error
-    return part
+    return temporary
 
 
 def remove_stale_temps(folder: Path) -> None:
-    """Remove what was being written in a folder when a process was killed. No other may be writing there."""
-    for part in folder.glob(f".*-{'[0-9a-f]' * DIGITS}*"):
-        part.unlink(missing_ok=True)
+    """Remove the temporary files that killed processes left in a folder; no other process may be writing there."""
+    for temporary in folder.glob(f".*-{'[0-9a-f]' * NUM_SUFFIX_DIGITS}*"):
+        temporary.unlink(missing_ok=True)
 
 
-def commit(part: Path, path: Path) -> None:
-    """Put a file, or a new folder of files, into its place once it is wholly on the disk."""
-    for file in part.rglob("*") if part.is_dir() else [part]:
+def commit(temporary: Path, path: Path) -> None:
+    """Flush a temporary file, or a new folder of files, to disk and rename it to ``path``."""
+    for file in temporary.rglob("*") if temporary.is_dir() else [temporary]:
         if file.is_file():
             with file.open("rb") as content:
                 os.fsync(content.fileno())
-    part.replace(path)
+    temporary.replace(path)
     _sync_folder(path.parent)
 
 
 def _sync_folder(folder: Path) -> None:
-    """Make a rename last through a power cut, where a folder can be opened (not on Windows)."""
+    """Flush a folder to disk, so that a rename survives a power cut; not on Windows, where folders cannot be opened."""
     if hasattr(os, "O_DIRECTORY"):
         handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
         try:
