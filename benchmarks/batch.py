@@ -1,9 +1,11 @@
-"""What does the batch cost besides its putts? Run: ``python -m benchmarks.batch``.
+"""Measure the overhead of the vector environment: ``python -m benchmarks.batch``.
 
-The step of the vector environment beside ``World.simulate_batch`` of the same putts, the two in turn, on random putts
-and on putts of length 0, with which the physics is idle; with episodes of ten strokes and of a million, which never
-begin anew; then what stable-baselines3's adapter and its VecMonitor add; what a state, and putts that are only
-imagined, take; and how much memory environments need. Processor time on one thread, medians.
+- A step is compared with ``World.simulate_batch`` of the same putts, the two in turn. Putts are random, or have length
+  0, for which the physics has nothing to do. Episodes have ten strokes, or so many that none ends.
+- Then follow the cost of stable-baselines3's adapter and VecMonitor, of ``get_state``, ``set_state`` and ``what_if``,
+  and the memory of environments.
+
+Times are CPU time on one thread, medians.
 """
 
 from __future__ import annotations
@@ -23,49 +25,50 @@ from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecMonitor
 
 from agents.sb3_vec_env import SB3VecEnv
-from benchmarks.report import print_table, short
+from benchmarks.report import format_rate, print_table
 from minigolf_env.envs import MiniGolfVectorEnv
 from minigolf_env.envs.task import MAX_PUTT_TIME
 
-NEVER = 1_000_000
-"""Strokes of an episode that does not end in time."""
+ENDLESS_EPISODE_STROKES = 1_000_000
+"""Stroke limit of an episode that does not end during a measurement."""
 
 
 @dataclass(frozen=True)
 class Args:
-    """The command line."""
+    """Arguments of the command line."""
 
     envs: int = 2048
+    """Number of environments."""
     rounds: int = 40
-    """Of a step and the same putts without it; with idle physics ten times as many."""
+    """Number of pairs of a step and its putts; ten times as many with putts of length 0."""
     large: int = 8192
-    """Environments whose memory is measured."""
+    """Number of environments whose memory is measured."""
 
 
-def seconds(call: Callable[[], Any]) -> float:
-    """Return the processor time of a call, s."""
-    began = time.process_time()
+def cpu_seconds(call: Callable[[], Any]) -> float:
+    """Return the CPU time of a call, s."""
+    start = time.process_time()
     call()
-    return time.process_time() - began
+    return time.process_time() - start
 
 
-class Cost(NamedTuple):
-    """What a step takes, s of processor time."""
+class StepCost(NamedTuple):
+    """CPU time of a step, s."""
 
-    whole: float
-    """Median."""
+    step: float
+    """Median time of a step."""
     best: float
-    """The least: with nobody else on the machine."""
-    alone: float
-    """Its putts in simulate_batch, median."""
+    """Shortest time of a step."""
+    physics: float
+    """Median time of its putts in simulate_batch."""
     ratio: float
-    """Of step and putts, the median of all rounds."""
-    own: float
-    """Their difference, the median of all rounds."""
+    """Median ratio of a step to its putts."""
+    overhead: float
+    """Median difference of a step and its putts."""
 
 
-def steps(args: Args, idle: bool, **options: Any) -> Cost:
-    """Return what steps cost beside their putts, the two in turn."""
+def measure_steps(args: Args, idle: bool, **options: Any) -> StepCost:
+    """Measure steps and their putts, the two in turn."""
     envs = MiniGolfVectorEnv(args.envs, **options)
     envs.reset(seed=0)
     rng = np.random.default_rng(0)
@@ -74,72 +77,73 @@ def steps(args: Args, idle: bool, **options: Any) -> Cost:
         putts = np.zeros((args.envs, 2)) if idle else rng.uniform(-1, 1, (args.envs, 2))
         # With SameStep every environment plays in every step.
         starts = np.array([state["position"] for state in envs.get_state()])
-        velocities, world = envs.task_batch.launch_velocity(putts), envs.task_batch.world
-        alone = seconds(lambda: world.simulate_batch(starts, velocities, MAX_PUTT_TIME))  # noqa: B023 (called at once)
-        whole = seconds(lambda: envs.step(putts))  # noqa: B023
-        times.append((whole, alone, whole / alone, whole - alone))
-    whole, alone, ratio, own = (statistics.median(column) for column in zip(*times, strict=True))
-    return Cost(whole, min(times)[0], alone, ratio, own)
+        velocities = envs.task_batch.launch_velocity(putts)
+        world = envs.task_batch.world
+        physics = cpu_seconds(lambda: world.simulate_batch(starts, velocities, MAX_PUTT_TIME))  # noqa: B023 (called at once)
+        step = cpu_seconds(lambda: envs.step(putts))  # noqa: B023
+        times.append((step, physics, step / physics, step - physics))
+    step, physics, ratio, overhead = (statistics.median(column) for column in zip(*times, strict=True))
+    return StepCost(step, min(times)[0], physics, ratio, overhead)
 
 
-def beside_the_physics(args: Args) -> None:
-    """Print what a step costs beside its putts."""
+def print_step_cost(args: Args) -> None:
+    """Print the cost of a step compared with its putts."""
     kinds: dict[str, tuple[bool, dict[str, Any]]] = {
         "random putts": (False, {}),
         "random putts, rays": (False, {"observation": "rays"}),
         "random putts with noise": (False, {"putt_noise": (0.5, 0.015)}),
         "random putts, easy levels": (False, {"course": "procedural"}),
         "putts of length 0, ten an episode": (True, {}),
-        "putts of length 0, no episode ends": (True, {"max_strokes": NEVER}),
+        "putts of length 0, no episode ends": (True, {"max_strokes": ENDLESS_EPISODE_STROKES}),
     }
     rows = []
     for name, (idle, options) in kinds.items():
-        cost = steps(args, idle, autoreset_mode="SameStep", **options)
-        rates = [short(args.envs / value) for value in cost[:3]]
-        rows.append([name, *rates, f"{cost.ratio:.2f}", f"{cost.own / args.envs * 1e6:.2f}"])
-    print_table(["step", "steps/s", "at best", "putts alone/s", "ratio", "own, us a putt"], rows)
+        cost = measure_steps(args, idle, autoreset_mode="SameStep", **options)
+        rates = [format_rate(args.envs / value) for value in cost[:3]]
+        rows.append([name, *rates, f"{cost.ratio:.2f}", f"{cost.overhead / args.envs * 1e6:.2f}"])
+    print_table(["step", "steps/s", "at best", "putts alone/s", "ratio", "overhead, us a putt"], rows)
 
 
-def beside_the_batch(args: Args) -> None:
-    """Print what stable-baselines3's side costs, all with putts of length 0 in episodes of ten."""
-    made = [MiniGolfVectorEnv(args.envs, autoreset_mode="SameStep") for _ in range(3)]
+def print_adapter_cost(args: Args) -> None:
+    """Print the cost of stable-baselines3's adapter and monitor, with putts of length 0 in episodes of ten."""
+    envs = [MiniGolfVectorEnv(args.envs, autoreset_mode="SameStep") for _ in range(3)]
     putts: NDArray[np.float32] = np.zeros((args.envs, 2), np.float32)
-    players: dict[str, Any] = {
-        "the batch": made[0],
-        "+ SB3VecEnv": SB3VecEnv(made[1]),
-        "+ VecMonitor": VecMonitor(SB3VecEnv(made[2])),
+    stacks: dict[str, Any] = {
+        "the batch": envs[0],
+        "+ SB3VecEnv": SB3VecEnv(envs[1]),
+        "+ VecMonitor": VecMonitor(SB3VecEnv(envs[2])),
     }
-    times: dict[str, list[float]] = {name: [] for name in players}
-    for player in players.values():
-        player.reset()
-    for _ in range(args.rounds):  # In turn, and ten steps at a time, so that each has the same ends of episodes.
-        for name, player in players.items():
-            times[name].append(seconds(lambda: [player.step(putts) for _ in range(10)]) / 10)  # noqa: B023
+    times: dict[str, list[float]] = {name: [] for name in stacks}
+    for stack in stacks.values():
+        stack.reset()
+    for _ in range(args.rounds):  # Ten steps in turn, so that each has the same number of episode ends.
+        for name, stack in stacks.items():
+            times[name].append(cpu_seconds(lambda: [stack.step(putts) for _ in range(10)]) / 10)  # noqa: B023
     base = statistics.median(times["the batch"])
     medians = {name: statistics.median(values) for name, values in times.items()}
-    cost = [[name, f"{value * 1e3:.2f}", f"{(value - base) / args.envs * 1e6:.2f}"] for name, value in medians.items()]
-    print_table(["who steps", "ms a step", "more, us a putt"], cost)
+    rows = [[name, f"{value * 1e3:.2f}", f"{(value - base) / args.envs * 1e6:.2f}"] for name, value in medians.items()]
+    print_table(["stack", "ms a step", "added, us a putt"], rows)
 
 
-def states(args: Args) -> None:
-    """Print what states and imagined putts take."""
+def print_state_cost(args: Args) -> None:
+    """Print the time of get_state, set_state and what_if."""
     envs = MiniGolfVectorEnv(args.envs)
     envs.reset(seed=0)
-    kept = envs.get_state()
+    state = envs.get_state()
     putts = np.random.default_rng(0).uniform(-1, 1, (16, 2))
     calls: dict[str, tuple[Callable[[], Any], int]] = {
         "get_state": (envs.get_state, args.envs),
-        "set_state": (lambda: envs.set_state(kept), args.envs),
+        "set_state": (lambda: envs.set_state(state), args.envs),
         "what_if of 16 putts, a putt": (lambda: envs.what_if(putts), 16 * args.envs),
     }
     rows = []
-    for name, (call, many) in calls.items():
-        rows.append([name, f"{statistics.median(seconds(call) for _ in range(3)) / many * 1e6:.1f}"])
+    for name, (call, count) in calls.items():
+        rows.append([name, f"{statistics.median(cpu_seconds(call) for _ in range(3)) / count * 1e6:.1f}"])
     print_table(["call", "us an environment"], rows)
 
 
-def memory(args: Args) -> None:
-    """Print the most memory that a process of many environments had, after 20 steps."""
+def print_memory(args: Args) -> None:
+    """Print the peak memory of a process with many environments after 20 steps."""
     rows = []
     for course in ("dogleg", "procedural"):
         code = (
@@ -150,16 +154,16 @@ def memory(args: Args) -> None:
         )
         kib = int(subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout)
         rows.append([f"{args.large:,} on {course}", f"{kib / 1024:.0f} MiB"])
-    print_table(["environments", "most memory"], rows)
+    print_table(["environments", "peak memory"], rows)
 
 
 def main(args: Args) -> None:
     """Print the tables."""
     numba.set_num_threads(1)
-    beside_the_physics(args)
-    beside_the_batch(args)
-    states(args)
-    memory(args)
+    print_step_cost(args)
+    print_adapter_cost(args)
+    print_state_cost(args)
+    print_memory(args)
 
 
 if __name__ == "__main__":

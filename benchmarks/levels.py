@@ -1,9 +1,13 @@
-"""Are the endless levels sound? Generates, plays and solves many of each difficulty.
+"""Check procedural levels: generate, play and solve many of each difficulty.
 
-``python -m benchmarks.levels --levels 1000 --log levels.jsonl``. Of each level it is counted how long it takes to
-make; whether a putt of random play or of search ever exhausts a step's pieces, ends in a solid or not in time; whether
-random play gets out under the border, or to where no putt moves the ball; and in how many strokes search holes out from
-the middle of the tee. What the log already has is not done again.
+Run ``python -m benchmarks.levels --levels 1000 --log levels.jsonl``. For each level are measured:
+
+- the time to generate it and to build its world,
+- putts of random play and of search that run out of sub-steps, end inside a solid, or do not rest in time,
+- putts of random play that leave the course below the top of the border, and balls that no putt can move,
+- the number of strokes in which search holes out from the centre of the tee.
+
+Levels that the log already has are not repeated.
 """
 
 from __future__ import annotations
@@ -27,13 +31,13 @@ from minigolf_env.envs import MiniGolfEnv, Result, Task
 from minigolf_env.envs.task import FloatArray
 from minigolf_env.evaluation.rollout import search_strokes
 
-WAVES = 4
-"""Putts that each ball of random play makes, each from where the one before ended."""
+PUTTS_PER_BALL = 4
+"""Number of consecutive putts of each ball of random play."""
 
-COLUMNS = (
+TABLE_HEADER = (
     "",
     "levels",
-    "ms to make + compile",
+    "ms to generate + build",
     "solved",
     "strokes of search",
     "random putts",
@@ -49,71 +53,77 @@ COLUMNS = (
 
 @dataclass(frozen=True)
 class Args:
-    """The command line."""
+    """Arguments of the command line."""
 
     levels: int = 1000
-    """Of each difficulty."""
+    """Number of levels of each difficulty."""
     first: int = 0
-    """The first level."""
+    """Index of the first level."""
     balls: int = 25
-    """Of random play on each level; each makes four putts."""
+    """Number of balls of random play on each level; each makes PUTTS_PER_BALL putts."""
     difficulty: tuple[str, ...] = DIFFICULTY_NAMES
+    """Names of the difficulties."""
     strokes: int = 10
-    """Within which search has to hole out."""
+    """Number of strokes within which search must hole out."""
     log: Path | None = None
-    """A file that gets a line of JSON for each level; a run that was cut off goes on from it."""
+    """File that gets a line of JSON for each level; an interrupted run resumes from it."""
 
 
-class Report(NamedTuple):
-    """What was seen of one level."""
+class LevelReport(NamedTuple):
+    """The measurements of one level."""
 
     build: float
-    """CPU time to make the course, s."""
+    """CPU time to generate the course, s."""
     world: float
-    """CPU time to compile its world, s."""
+    """CPU time to build its world, s."""
     strokes: int
-    """That search took; more than allowed: it did not hole out."""
+    """Number of strokes of search; more than the limit if it did not hole out."""
     random: int
-    """Putts of random play."""
+    """Number of putts of random play."""
     out: int
-    """Of these, out of bounds."""
+    """Number of putts of random play that end out of bounds."""
     low_out: int
-    """Of these, without ever being as high as a border."""
+    """Number of putts that end out of bounds without reaching the top of the border."""
     stuck: int
-    """Resting places of random play that no putt leaves."""
+    """Number of resting positions of random play that no putt leaves."""
     putts: int
-    """Of random play and search together."""
+    """Number of putts of random play and search together."""
     late: int
-    """Of these, not at rest in time."""
+    """Number of putts that do not rest in time."""
     exhausted: int
-    """Of these, ones that used up the pieces of a step."""
+    """Number of putts with a step that ran out of sub-steps."""
     inside: int
-    """Of these, ones that ended in a solid."""
+    """Number of putts that end inside a solid."""
 
 
-def examine(env: MiniGolfEnv, difficulty: str, level: int, args: Args) -> Report:
-    """Return what is seen of one level."""
-    begun = time.process_time()
+def examine_level(env: MiniGolfEnv, difficulty: str, level: int, args: Args) -> LevelReport:
+    """Return the measurements of one level."""
+    start = time.process_time()
     course = build_level(difficulty, level)
-    built = time.process_time()
+    build_end = time.process_time()
     course.world()
-    compiled = time.process_time()
+    world_end = time.process_time()
     env.reset(seed=0, options={"level": level})
     watched = watch(env)
-    task, rng = env.task, np.random.default_rng(level)
+    task = env.task
+    rng = np.random.default_rng(level)
     tee = np.append(task.course.tee.centre, task.course.ball_radius)
-    balls, out, low_out = np.tile(tee, (args.balls, 1)), 0, 0
-    for _ in range(WAVES):
+    balls = np.tile(tee, (args.balls, 1))
+    out = 0
+    low_out = 0
+    for _ in range(PUTTS_PER_BALL):
         velocities, outcome = random_putts(task, balls, rng)
-        gone = outcome.result == Result.OUT_OF_BOUNDS
-        out += int(gone.sum())
-        low_out += sum(_is_low(task, ball, velocity) for ball, velocity in zip(balls[gone], velocities[gone]))
+        is_out = outcome.result == Result.OUT_OF_BOUNDS
+        out += int(is_out.sum())
+        low_out += sum(
+            _stays_below_border(task, ball, velocity) for ball, velocity in zip(balls[is_out], velocities[is_out])
+        )
         balls = np.where(outcome.holed[:, None], tee, outcome.position)
-    return Report(
-        build=built - begun,
-        world=compiled - built,
+    return LevelReport(
+        build=build_end - start,
+        world=world_end - build_end,
         strokes=search_strokes(env),
-        random=WAVES * args.balls,
+        random=PUTTS_PER_BALL * args.balls,
         out=out,
         low_out=low_out,
         stuck=stuck(task, balls),
@@ -124,43 +134,48 @@ def examine(env: MiniGolfEnv, difficulty: str, level: int, args: Args) -> Report
     )
 
 
-def _is_low(task: Task, ball: FloatArray, velocity: FloatArray) -> bool:
-    """Return whether a putt gets nowhere as high as the border's lowest top."""
+def _stays_below_border(task: Task, ball: FloatArray, velocity: FloatArray) -> bool:
+    """Return whether a putt stays below the lowest top of the border."""
     heights = next(part.mesh.vertices[:, 2] for part in task.course.parts if part.name == "border")
     path, _ = task.simulate_path(ball, velocity)
-    return bool(path[:, 2].max() < heights[heights > heights.min()].min())  # All but the tops are at one level.
+    lowest_top = heights[heights > heights.min()].min()  # All other vertices are at the border's base.
+    return bool(path[:, 2].max() < lowest_top)
 
 
-def examine_all(difficulty: str, args: Args) -> Iterator[Report]:
-    """Yield what is seen of each level, from the log where it is there."""
+def examine_levels(difficulty: str, args: Args) -> Iterator[LevelReport]:
+    """Yield the measurements of each level, from the log if it has them."""
     env = MiniGolfEnv("procedural", difficulty=difficulty, tee="fixed", max_strokes=args.strokes + 1)
-    known = dict(_read(args.log)) if args.log is not None and args.log.exists() else {}
+    logged = dict(_read_log(args.log)) if args.log is not None and args.log.exists() else {}
     for level in tqdm(range(args.first, args.first + args.levels), difficulty, mininterval=10.0):
         key = f"v{GENERATOR_VERSION}-{difficulty}-{level}"
-        if key not in known:
-            known[key] = examine(env, difficulty, level, args)
+        if key not in logged:
+            logged[key] = examine_level(env, difficulty, level, args)
             if args.log is not None:
                 with args.log.open("a") as file:
-                    file.write(json.dumps([key, known[key]._asdict()]) + "\n")
-        yield known[key]
+                    file.write(json.dumps([key, logged[key]._asdict()]) + "\n")
+        yield logged[key]
 
 
-def _read(log: Path) -> Iterator[tuple[str, Report]]:
+def _read_log(log: Path) -> Iterator[tuple[str, LevelReport]]:
     for line in log.read_text().splitlines():
         key, report = json.loads(line)
-        yield key, Report(**report)
+        yield key, LevelReport(**report)
 
 
 def main(args: Args) -> None:
-    """Examine the levels; print a row for each difficulty when it is done."""
+    """Examine the levels; print the table after each difficulty."""
     rows = []
     for difficulty in args.difficulty:
-        reports = list(examine_all(difficulty, args))
-        named = list(enumerate(reports, args.first))
-        unsolved = [level for level, r in named if r.strokes > args.strokes]
-        odd = [level for level, r in named if r.late or r.exhausted or r.low_out or r.inside or r.stuck]
+        reports = list(examine_levels(difficulty, args))
+        numbered = list(enumerate(reports, args.first))
+        unsolved = [level for level, report in numbered if report.strokes > args.strokes]
+        faulty = [
+            level
+            for level, report in numbered
+            if report.late or report.exhausted or report.low_out or report.inside or report.stuck
+        ]
         table = np.array(reports)
-        total = dict(zip(Report._fields, table.sum(axis=0).tolist(), strict=True))
+        total = dict(zip(LevelReport._fields, table.sum(axis=0).tolist(), strict=True))
         build, world = 1e3 * np.median(table[:, :2], axis=0)
         counts = [total[name] for name in ("low_out", "stuck", "putts", "late", "exhausted", "inside")]
         rows.append(
@@ -175,8 +190,8 @@ def main(args: Args) -> None:
                 *(f"{count:,.0f}" for count in counts),
             ]
         )
-        print(difficulty, "not holed out:", unsolved, "odd:", odd)
-        print_table(COLUMNS, rows)
+        print(difficulty, "not holed out:", unsolved, "faulty:", faulty)
+        print_table(TABLE_HEADER, rows)
 
 
 if __name__ == "__main__":

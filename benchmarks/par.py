@@ -1,8 +1,8 @@
-"""What is par? Run: python -m benchmarks.par.
+"""Check the par of each hole with search: ``python -m benchmarks.par``.
 
-Search plays each hole from random tees, its putts disturbed by 1.5 degrees and 5 % of the speed, as those of players
-are. Par is the mean of its strokes, rounded, and at least 2. What a course file holds is confirmed if it is par for
-some mean within the 95 % interval. All the putts that search tries are watched for what must not happen.
+Search plays each hole from random tees with noise of 1.5 degrees and 5 % of the speed, like a human player. Par is the
+rounded mean of its strokes, and at least 2. The par of a course file is confirmed if it is the par of some mean in the
+95 % confidence interval. All putts that search tries are checked: none may be late, exhausted or inside a solid.
 """
 
 from __future__ import annotations
@@ -21,39 +21,43 @@ from minigolf_env.evaluation.report import format_with_interval
 from minigolf_env.evaluation.rollout import search_strokes
 from minigolf_env.evaluation.statistics import mean_interval
 
-NOISE = (1.5, 0.05)
-"""Standard deviations of direction (degrees) and speed (share of it)."""
+PUTT_NOISE = (1.5, 0.05)
+"""Standard deviations of the direction, degrees, and of the speed, as a share of it."""
 
-LEAST = 2
-"""No hole has a lower par: a hole in one shall be one under."""
+MIN_PAR = 2
+"""Smallest par: a hole-in-one is at least one under par."""
 
 
 @dataclass(frozen=True)
 class Args:
-    """The command line."""
+    """Arguments of the command line."""
 
     rounds: int = 100
-    """Of each hole."""
+    """Number of rounds on each hole."""
     seed: int = 0
-    """Of the first; the next one's is one more."""
+    """RNG seed of the first round; each round's seed is one larger."""
     courses: tuple[str, ...] = tuple(list_courses())
+    """Names of the holes."""
     max_strokes: int = 10
+    """Stroke limit."""
 
 
 def main(args: Args) -> None:
-    """Print a row for each hole, and the table when all are done."""
+    """Print a line for each hole, and the table at the end."""
     columns = ["hole", "par", "confirmed", "strokes of search", "putts", "late", "exhausted", "in a solid"]
     rows = []
     for name in args.courses:
-        env = MiniGolfEnv(name, max_strokes=args.max_strokes, putt_noise=NOISE)
-        strokes, counts = [], np.zeros(4, np.int64)
+        env = MiniGolfEnv(name, max_strokes=args.max_strokes, putt_noise=PUTT_NOISE)
+        strokes = []
+        counts = np.zeros(4, np.int64)
         for seed in tqdm(range(args.seed, args.seed + args.rounds), name, leave=False):
             env.reset(seed=seed)
             watched = watch(env)
             strokes.append(search_strokes(env))
             counts += watched.putts, watched.late, watched.exhausted, watched.inside
-        interval, par = mean_interval(strokes), par_of(name)
-        low, high = (max(LEAST, round(mean)) for mean in interval)
+        interval = mean_interval(strokes)
+        par = par_of(name)
+        low, high = (max(MIN_PAR, round(mean)) for mean in interval)
         confirmed = "yes" if par is not None and low <= par <= high else f"no: {low}-{high}"
         score = format_with_interval(float(np.mean(strokes)), interval)
         rows.append([name, str(par), confirmed, score, *(f"{count:,}" for count in counts.tolist())])

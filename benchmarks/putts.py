@@ -1,7 +1,7 @@
-"""Do all putts end, on the course and out of its walls? Run: python -m benchmarks.putts.
+"""Count how random putts end on each bundled course: ``python -m benchmarks.putts``.
 
-Plays random putts from the tee of each bundled course (in the room: throws) and counts what must not happen; and from
-some places where they end, whether any putt leads on from there.
+Random putts (in the room: throws) start at the tee. Counted are their statuses, steps that run out of sub-steps, the
+smallest clearance, and stuck balls: resting positions that no putt leaves.
 """
 
 from __future__ import annotations
@@ -20,13 +20,16 @@ from minigolf_env.physics import Status
 
 @dataclass(frozen=True)
 class Args:
-    """The command line."""
+    """Arguments of the command line."""
 
     putts: int = 100_000
+    """Number of putts on each course."""
     seed: int = 0
-    lies: int = 500
-    """Resting places that are tried."""
+    """RNG seed of the putts."""
+    positions: int = 500
+    """Number of resting positions from which putts are tried."""
     courses: tuple[str, ...] = (*list_courses(), "room")
+    """Names of the courses."""
 
 
 def main(args: Args) -> None:
@@ -41,21 +44,21 @@ def main(args: Args) -> None:
         directions /= np.linalg.norm(directions, axis=1, keepdims=True)
         velocities = directions * rng.uniform(0.0, course.top_speed, (args.putts, 1))
         lower, upper = np.array(course.tee.lower), np.array(course.tee.upper)
-        level = np.full(args.putts, course.tee.height + course.ball_radius)
-        positions = np.column_stack([lower + rng.random((args.putts, 2)) * (upper - lower), level])
-        began = time.perf_counter()
+        heights = np.full(args.putts, course.tee.height + course.ball_radius)
+        positions = np.column_stack([lower + rng.random((args.putts, 2)) * (upper - lower), heights])
+        start = time.perf_counter()
         shots = world.simulate_batch(positions, velocities)
-        seconds = time.perf_counter() - began
+        seconds = time.perf_counter() - start
         holed = ""
         if course.cup is not None:
             task = build_task(course)
             in_cup = task.is_holed(shots.position, shots.velocity)
-            lies = shots.position[~in_cup & (np.asarray(shots.status) == Status.REST)]
-            lies = rng.permutation(lies)[: args.lies]
-            holed = f", holed {in_cup.mean():.2%}, stuck {stuck(task, lies)} of {len(lies)} lies"
-        ends = {status.name.lower(): int((np.asarray(shots.status) == status).sum()) for status in Status}
+            resting = shots.position[~in_cup & (np.asarray(shots.status) == Status.REST)]
+            resting = rng.permutation(resting)[: args.positions]
+            holed = f", holed {in_cup.mean():.2%}, stuck {stuck(task, resting)} of {len(resting)} resting positions"
+        statuses = {status.name.lower(): int((np.asarray(shots.status) == status).sum()) for status in Status}
         clearance = world.clearance(shots.position).min() / world.coordinate_scale
-        print(f"{name}: {args.putts:,} putts, {ends}, exhausted {np.sum(shots.exhausted)}{holed}", end=", ")
+        print(f"{name}: {args.putts:,} putts, {statuses}, exhausted {np.sum(shots.exhausted)}{holed}", end=", ")
         print(f"clearance >= {clearance:.1e} x scale, {args.putts / seconds:,.0f} putts/s")
 
 

@@ -1,11 +1,11 @@
-"""How much processor time a picture costs, beside MuJoCo's renderer: ``python -m benchmarks.rendering``.
+"""Measure the CPU time of a frame next to MuJoCo's renderer: ``python -m benchmarks.rendering``.
 
-Both draw through EGL: ours at profile "high" beside MuJoCo's with four samples a pixel and shadows, ours at "fast" (one
-sample, with shadows) beside MuJoCo's with neither. A ball on a green with borders and obstacles, the camera behind the
-ball and moving with it. MuJoCo's shadow map has 1024 pixels a side, as ours: its default, 4096, is slower. Times are of
-all threads, medians; the two take turns.
+Both renderers use EGL. Our profile "high" is compared with MuJoCo at four samples a pixel with shadows; our profile
+"fast" (one sample, with shadows) with MuJoCo without both. The scene is a ball on a green with borders and obstacles;
+the camera follows the ball. MuJoCo's shadow map has 1024 pixels a side, as ours; its default, 4096, is slower. Times
+are CPU time of all threads, medians; the two take turns.
 
-Also: the time from the start of Python to the first picture, and how many pictures pixel observations get.
+Also measured: the time from the start of Python to the first frame, and the rate of pixel observations.
 """
 
 from __future__ import annotations
@@ -28,10 +28,14 @@ from minigolf_env.rendering.gl.offscreen import draw
 from minigolf_env.rendering.replay import flag_position
 from minigolf_env.rendering.scene_state import SceneState
 
-SIZES = ((640, 480), (256, 256), (84, 84))
-PICTURES = 30
+FRAME_SIZES = ((640, 480), (256, 256), (84, 84))
+NUM_FRAMES = 30
+"""Number of measured frames."""
 
-MODEL = """
+NUM_WARMUP_FRAMES = 3
+"""Number of frames before the measurement."""
+
+MUJOCO_MODEL = """
 <mujoco>
   <visual><global offwidth="640" offheight="480"/><quality offsamples="{samples}" shadowsize="1024"/></visual>
   <asset>
@@ -55,66 +59,66 @@ MODEL = """
 """
 
 
-def ours(size: tuple[int, int], profile: str) -> Callable[[float], Any]:
-    """Return what draws the ball at x (m) with us."""
+def minigolf_renderer(size: tuple[int, int], profile: str) -> Callable[[float], Any]:
+    """Return a function that renders the ball at x, m, with our renderer."""
     course = load_course("dogleg")
 
-    def picture(x: float) -> Any:
+    def render_frame(x: float) -> Any:
         ball = np.array([x, 0.6, course.ball_radius])
         state = SceneState(ball, np.eye(3), flag_position(course, ball))
         return draw(course, make_camera("follow", course, ball, size[0] / size[1]), state, size, profile)
 
-    return picture
+    return render_frame
 
 
-def theirs(size: tuple[int, int], profile: str) -> Callable[[float], Any]:
-    """Return what draws the ball at x (m) with MuJoCo."""
+def mujoco_renderer(size: tuple[int, int], profile: str) -> Callable[[float], Any]:
+    """Return a function that renders the ball at x, m, with MuJoCo."""
     import mujoco
 
     high = profile == "high"
-    model = mujoco.MjModel.from_xml_string(MODEL.format(samples=4 if high else 0, shadow=str(high).lower()))
+    model = mujoco.MjModel.from_xml_string(MUJOCO_MODEL.format(samples=4 if high else 0, shadow=str(high).lower()))
     data = mujoco.MjData(model)
     renderer = mujoco.Renderer(model, size[1], size[0])
     renderer.scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = high
     camera = mujoco.MjvCamera()
     camera.distance, camera.azimuth, camera.elevation = 1.9, 10.0, -28.0
 
-    def picture(x: float) -> Any:
+    def render_frame(x: float) -> Any:
         data.qpos[:3] = x, 0.6, 0.02135
         mujoco.mj_forward(model, data)
         camera.lookat[:] = x + 0.6, 0.7, 0.0
         renderer.update_scene(data, camera)
         return renderer.render()
 
-    return picture
+    return render_frame
 
 
-def in_turn(pictures: dict[str, Callable[[float], Any]]) -> dict[str, float]:
-    """Return the median processor time of a picture, ms."""
-    spent: dict[str, list[float]] = {name: [] for name in pictures}
-    for k in range(PICTURES + 3):
-        for name, picture in pictures.items():
+def measure_alternating(renderers: dict[str, Callable[[float], Any]]) -> dict[str, float]:
+    """Return the median CPU time of a frame of each renderer, ms; the renderers take turns."""
+    cpu_times: dict[str, list[float]] = {name: [] for name in renderers}
+    for k in range(NUM_FRAMES + NUM_WARMUP_FRAMES):
+        for name, render_frame in renderers.items():
             start = time.process_time()
-            picture(0.3 + 0.04 * k)
-            spent[name].append(1e3 * (time.process_time() - start))
-    return {name: statistics.median(times[3:]) for name, times in spent.items()}
+            render_frame(0.3 + 0.04 * k)
+            cpu_times[name].append(1e3 * (time.process_time() - start))
+    return {name: statistics.median(times[NUM_WARMUP_FRAMES:]) for name, times in cpu_times.items()}
 
 
-def beside_mujoco() -> None:
-    """Print what a picture costs with us and with MuJoCo."""
+def print_mujoco_comparison() -> None:
+    """Print the CPU time of a frame with our renderer and with MuJoCo."""
     rows = []
     for profile in ("high", "fast"):
-        for size in SIZES:
-            makers = {"ours": ours, "mujoco": theirs}
-            cost = in_turn({name: make(size, profile) for name, make in makers.items()})
+        for size in FRAME_SIZES:
+            renderers = {"ours": minigolf_renderer(size, profile), "mujoco": mujoco_renderer(size, profile)}
+            cost = measure_alternating(renderers)
             ratio = cost["mujoco"] / cost["ours"]
             name = f"{size[0]} x {size[1]}, {profile}"
             rows.append([name, f"{cost['ours']:.1f}", f"{cost['mujoco']:.1f}", f"{ratio:.1f}x"])
-    print_table(["picture", "ours, ms", "mujoco, ms", "ratio"], rows)
+    print_table(["frame", "ours, ms", "mujoco, ms", "ratio"], rows)
 
 
-def first_picture() -> None:
-    """Print how long a picture takes from the start of Python, with warm caches."""
+def print_first_frame_time() -> None:
+    """Print the time from the start of Python to the first frame, with warm caches."""
     code = (
         "import gymnasium, minigolf_env; env = gymnasium.make('MiniGolf-v0', render_mode='rgb_array'); "
         "env.reset(seed=0); env.render()"
@@ -124,25 +128,27 @@ def first_picture() -> None:
         start = time.perf_counter()
         subprocess.run([sys.executable, "-c", code], check=True)
         times.append(time.perf_counter() - start)
-    print(f"first picture: {statistics.median(times[1:]):.2f} s from the start of Python, of {len(times) - 1} runs")
+    print(
+        f"first frame: {statistics.median(times[1:]):.2f} s from the start of Python, median of {len(times) - 1} runs"
+    )
 
 
-def observations(count: int = 64) -> None:
-    """Print how many pixel observations a second of processor time a batch makes."""
+def print_observation_rate(count: int = 64) -> None:
+    """Print the rate of pixel observations of a batch for a second of CPU time."""
     envs = MiniGolfVectorEnv(count, observation="pixels")
     envs.reset(seed=0)
     rng = np.random.default_rng(0)
-    spent = []
+    cpu_times = []
     for _ in range(12):
         envs.step(rng.uniform(-0.5, 0.5, (count, 2)).astype(np.float32))
         start = time.process_time()
         envs._observe()
-        spent.append(time.process_time() - start)
-    print(f"pixel observations, batch of {count}: {count / statistics.median(spent[2:]):,.0f} a CPU-second")
+        cpu_times.append(time.process_time() - start)
+    print(f"pixel observations, batch of {count}: {count / statistics.median(cpu_times[2:]):,.0f} a CPU-second")
 
 
 if __name__ == "__main__":
     os.environ["MUJOCO_GL"] = "egl"
-    first_picture()
-    observations()
-    beside_mujoco()
+    print_first_frame_time()
+    print_observation_rate()
+    print_mujoco_comparison()

@@ -1,4 +1,4 @@
-"""Tables in Markdown, and results in files."""
+"""Prints Markdown tables and stores results in JSON files."""
 
 from __future__ import annotations
 
@@ -11,47 +11,47 @@ from typing import Any
 
 from minigolf_env.evaluation.report import write_json_report
 
-Records = dict[str, dict[str, Any]]
-"""What a table holds: its rows by name, their cells by the column's name."""
+TableRecords = dict[str, dict[str, Any]]
+"""The cells of a table by row name and column name."""
 
 
 def print_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    """Print a table, its columns aligned, and an empty line."""
+    """Print a Markdown table with aligned columns, and an empty line."""
     widths = [max(map(len, column)) for column in zip(header, *rows)]
     for row in (header, ["-" * width for width in widths], *rows):
         print("| " + " | ".join(cell.ljust(width) for cell, width in zip(row, widths)) + " |")
     print()
 
 
-def short(number: float) -> str:
-    """Return a positive number to three digits: 1.23M, 45.6k, 789, 0.0123."""
-    for size, letter in ((1e6, "M"), (1e3, "k")):
-        if number >= size:
-            digits = max(0, 3 - len(str(int(number / size))))
-            return f"{number / size:.{digits}f}{letter}"
+def format_rate(number: float) -> str:
+    """Return a positive number with three digits: 1.23M, 45.6k, 789, 0.0123."""
+    for unit, letter in ((1e6, "M"), (1e3, "k")):
+        if number >= unit:
+            digits = max(0, 3 - len(str(int(number / unit))))
+            return f"{number / unit:.{digits}f}{letter}"
     return f"{number:.3g}"
 
 
-def as_records(header: Sequence[str], rows: Sequence[Sequence[str]]) -> Records:
-    """Return a table's rows by name; the first column has the names."""
+def table_records(header: Sequence[str], rows: Sequence[Sequence[str]]) -> TableRecords:
+    """Return the cells of a table whose first column holds the row names."""
     return {row[0]: dict(zip(header[1:], row[1:])) for row in rows}
 
 
-def store(path: Path, args: Any, packages: Sequence[str], **results: Any) -> None:
-    """Write results to a JSON file with the script's arguments, the versions and the machine.
+def store_results(path: Path, args: Any, packages: Sequence[str], **results: Any) -> None:
+    """Write results to a JSON file, with the script's arguments, the versions and the machine.
 
     Args:
-        path: of the file; its folder is made.
-        args: the dataclass of the command line; its paths are left out.
-        packages: those besides this one that were measured.
-        results: what was found.
+        path: the file; its folder is created.
+        args: arguments of the command line, a dataclass; paths are left out.
+        packages: the other measured packages.
+        results: values by key.
     """
     settings = {name: value for name, value in dataclasses.asdict(args).items() if not isinstance(value, Path)}
-    write_json_report(path, *packages, settings=settings, machine=machine(), **results)
+    write_json_report(path, *packages, settings=settings, machine=machine_info(), **results)
 
 
-def machine() -> dict[str, str | int | None]:
-    """Return what the results were measured on."""
+def machine_info() -> dict[str, str | int | None]:
+    """Return the processor, the number of cores and the operating system."""
     return {
         "processor": _processor(),
         "cores": os.cpu_count(),
@@ -60,7 +60,7 @@ def machine() -> dict[str, str | int | None]:
 
 
 def _processor() -> str:
-    """Return the processor's name; Linux tells it in a file, other systems as a rule by ``platform``."""
+    """Return the processor's name, on Linux from /proc/cpuinfo, elsewhere from ``platform``."""
     try:
         lines = Path("/proc/cpuinfo").read_text().splitlines()
     except OSError:

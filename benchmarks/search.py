@@ -1,7 +1,7 @@
-"""What does search reach, and what does a plan cost? Run: python -m benchmarks.search.
+"""Measure the strokes and the cost of search: ``python -m benchmarks.search``.
 
-The default hole, with noise and without, beside random putts and searches that leave a part out; then levels. Times are
-CPU time of all threads, so that two runs side by side say the same.
+The first table is the default hole, with noise and without, compared with random putts and with parts of search left
+out. The second is procedural levels. Times are CPU time of all threads, which other processes affect little.
 """
 
 from __future__ import annotations
@@ -28,36 +28,38 @@ Planner = Callable[[MiniGolfEnv], Plan]
 
 @dataclass(frozen=True)
 class Args:
-    """The command line."""
+    """Arguments of the command line."""
 
     episodes: int = 100
-    """On the default hole."""
+    """Number of episodes on the default hole."""
     levels: int = 60
-    """Of each difficulty; 0 leaves them out."""
+    """Number of levels of each difficulty; 0 leaves out the second table."""
     noise: tuple[float, float] = (0.5, 0.015)
-    """Standard deviations of direction (degrees) and speed (share of it)."""
+    """Standard deviations of the direction, degrees, and of the speed, as a share of it."""
 
 
-def planner(**options: Any) -> Planner:
-    """Return a search with options."""
+def make_planner(**options: Any) -> Planner:
+    """Return a search with some of its arguments fixed."""
     return lambda env: search(env, **options)
 
 
-def guess(env: MiniGolfEnv, random: RandomPolicy = RandomPolicy()) -> Plan:  # noqa: B008 (one stream for all)
+def random_plan(env: MiniGolfEnv, random: RandomPolicy = RandomPolicy()) -> Plan:  # noqa: B008 (one stream for all)
     """Return a random putt as a plan."""
     return Plan(random.act(np.empty(0), env), False, 0.0, 0.0, 0)
 
 
-def play(env: MiniGolfEnv, planner: Planner, starts: list[dict[str, Any]], name: str) -> list[str]:
-    """Play an episode from each start (arguments of reset); return a row of the table."""
-    strokes, plans, cpu = [], [], 0.0
-    for start in tqdm(starts, name, leave=False, mininterval=5.0):
-        env.reset(**start)
+def play_episodes(env: MiniGolfEnv, planner: Planner, episodes: list[dict[str, Any]], name: str) -> list[str]:
+    """Play an episode for each dictionary of arguments of reset; return a row of the table."""
+    strokes = []
+    plans = []
+    cpu_time = 0.0
+    for reset_arguments in tqdm(episodes, name, leave=False, mininterval=5.0):
+        env.reset(**reset_arguments)
         over = False
         while not over:
-            began = time.process_time()
+            start = time.process_time()
             plans.append(planner(env))
-            cpu += time.process_time() - began
+            cpu_time += time.process_time() - start
             _, _, over, _, info = env.step(plans[-1].action)
         strokes.append(info["strokes"] if info["is_success"] else env.task.max_strokes)
     return [
@@ -66,33 +68,34 @@ def play(env: MiniGolfEnv, planner: Planner, starts: list[dict[str, Any]], name:
         f"{np.mean(np.array(strokes) == 1):.0%}",
         f"{max(strokes)}",
         f"{np.mean([plan.num_simulated for plan in plans]):,.0f}",
-        f"{1e3 * cpu / len(plans):,.0f}",
+        f"{1e3 * cpu_time / len(plans):,.0f}",
     ]
 
 
 def main(args: Args) -> None:
-    """Print a table of the hole and one of levels."""
+    """Print a table of the default hole and a table of levels."""
     columns = ["", "strokes [95 %]", "holes-in-one", "most", "putts tried a plan", "CPU ms a plan"]
     seeds = [{"seed": 1_000_000 + i} for i in range(args.episodes)]
-    plain, noisy = MiniGolfEnv(), MiniGolfEnv(putt_noise=args.noise)
+    plain = MiniGolfEnv()
+    noisy = MiniGolfEnv(putt_noise=args.noise)
     plain.reset(seed=0)
-    search(plain)  # Compiles.
+    search(plain)  # Compiles the physics.
     print_table(
         columns,
         [
-            play(plain, guess, seeds, "random"),
-            play(plain, planner(budgets=[THOROUGH_SEARCH], look_ahead=False), seeds, "thorough at once"),
-            play(plain, search, seeds, "search"),
-            play(noisy, planner(noise=(0.0, 0.0)), seeds, "noise, search blind to it"),
-            play(noisy, search, seeds, "noise, search"),
+            play_episodes(plain, random_plan, seeds, "random"),
+            play_episodes(plain, make_planner(budgets=[THOROUGH_SEARCH], look_ahead=False), seeds, "thorough at once"),
+            play_episodes(plain, search, seeds, "search"),
+            play_episodes(noisy, make_planner(noise=(0.0, 0.0)), seeds, "noise, search ignores it"),
+            play_episodes(noisy, search, seeds, "noise, search"),
         ],
     )
     rows = []
     for difficulty in DIFFICULTY_NAMES if args.levels else ():
         env = MiniGolfEnv("procedural", difficulty=difficulty, tee="fixed")
         levels = [{"options": {"level": level}} for level in range(args.levels)]
-        rows.append(play(env, planner(look_ahead=False), levels, f"{difficulty}, one putt ahead"))
-        rows.append(play(env, search, levels, f"{difficulty}, search"))
+        rows.append(play_episodes(env, make_planner(look_ahead=False), levels, f"{difficulty}, one putt ahead"))
+        rows.append(play_episodes(env, search, levels, f"{difficulty}, search"))
     if rows:
         print_table(columns, rows)
 

@@ -1,7 +1,7 @@
-"""How long does a user wait? Run: python -m benchmarks.startup.
+"""Measure how long a user waits for a first putt and for a course: ``python -m benchmarks.startup``.
 
-Times fresh processes: imports, the first putt with compiled kernels in the cache, and the first putt of all. Then, in
-this process, how long each bundled hole takes from its file to its compiled world.
+Fresh processes import the package and play a putt, with and without compiled kernels in the cache. Then each bundled
+course is loaded from its file to its compiled world.
 """
 
 from __future__ import annotations
@@ -13,51 +13,56 @@ import sys
 import tempfile
 import time
 
+from benchmarks.report import print_table
 from minigolf_env.courses import list_courses
 from minigolf_env.courses.io.toml_course import read_course
 from minigolf_env.courses.library import DATA_DIR
 
-PUTT = "import gymnasium as gym; env = gym.make('minigolf_env:MiniGolf-v0'); env.reset(seed=0); env.step([0.3, 0.1])"
-RUNS = 5
+IMPORT_CODE = "import gymnasium, numba"
+FIRST_PUTT_CODE = (
+    "import gymnasium as gym; env = gym.make('minigolf_env:MiniGolf-v0'); env.reset(seed=0); env.step([0.3, 0.1])"
+)
+NUM_RUNS = 5
+"""Number of runs of which the median is printed."""
 
 
-def seconds(code: str, cache: str) -> float:
-    """Return how long a fresh process takes to run the code, with numba's cache in the given folder."""
-    began = time.perf_counter()
+def process_seconds(code: str, cache: str) -> float:
+    """Return how long a fresh process takes to run the code, with numba's cache in a folder, s."""
+    start = time.perf_counter()
     environment = {**os.environ, "NUMBA_CACHE_DIR": cache}
     subprocess.run([sys.executable, "-c", code], check=True, env=environment, stderr=subprocess.DEVNULL)
-    return time.perf_counter() - began
+    return time.perf_counter() - start
 
 
-def loading(name: str) -> float:
-    """Return the processor's time from a hole's file to its world, s: the median, after a first time."""
+def load_seconds(name: str) -> float:
+    """Return the median CPU time from a course file to its world, s, after a first load."""
     times = []
-    for _ in range(RUNS + 1):
-        began = time.process_time()
+    for _ in range(NUM_RUNS + 1):
+        start = time.process_time()
         read_course(DATA_DIR / f"{name}.toml").world()
-        times.append(time.process_time() - began)
+        times.append(time.process_time() - start)
     return statistics.median(times[1:])
 
 
 def main() -> None:
-    """Print a row a start: the median, and its ratio to importing gymnasium and numba in the same run."""
+    """Print the median time of each start, and its ratio to importing gymnasium and numba in the same run."""
+    codes = {
+        IMPORT_CODE: IMPORT_CODE,
+        "import minigolf_env": "import minigolf_env",
+        "first putt, kernels cached": FIRST_PUTT_CODE,
+    }
+    times: dict[str, list[float]] = {name: [] for name in codes}
     with tempfile.TemporaryDirectory() as cache:
-        first = seconds(PUTT, cache)
-        codes = {
-            "import gymnasium, numba": "import gymnasium, numba",
-            "import minigolf_env": "import minigolf_env",
-            "first putt, kernels cached": PUTT,
-        }
-        times: dict[str, list[float]] = {name: [] for name in codes}
-        for _ in range(RUNS):  # In turn, so that a slow spell of the machine hits all alike.
+        compile_time = process_seconds(FIRST_PUTT_CODE, cache)
+        # The codes take turns, so that a slow period of the machine affects all alike.
+        for _ in range(NUM_RUNS):
             for name, code in codes.items():
-                times[name].append(seconds(code, cache))
-    base = statistics.median(times["import gymnasium, numba"])
-    rows = {name: statistics.median(values) for name, values in times.items()}
-    for name, value in {**rows, "first putt of all, compiling": first}.items():
-        print(f"{name:<30} {value:6.2f} s   x {value / base:.2f}")
-    for name in list_courses():
-        print(f"{'load ' + name:<30} {loading(name):6.2f} s")
+                times[name].append(process_seconds(code, cache))
+    medians = {name: statistics.median(values) for name, values in times.items()}
+    medians["first putt, kernels compiled"] = compile_time
+    base = medians[IMPORT_CODE]
+    print_table(["start", "s", "ratio"], [[name, f"{s:.2f}", f"{s / base:.2f}"] for name, s in medians.items()])
+    print_table(["course", "CPU s to load"], [[name, f"{load_seconds(name):.2f}"] for name in list_courses()])
 
 
 if __name__ == "__main__":

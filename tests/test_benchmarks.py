@@ -14,11 +14,11 @@ import numpy as np
 import pytest
 
 from benchmarks import batch, exactness, levels, par, search, speed
-from benchmarks.energy_figure import draw, spread
-from benchmarks.peers import PEERS, load_peers
+from benchmarks.energy_figure import draw_energy_error, quantile_band
+from benchmarks.peers import PEER_ENGINES, load_peers
 from benchmarks.peers.engine import Minigolf
-from benchmarks.report import short
-from benchmarks.scenes import RADIUS, SCENES, scene_l, scene_s, scene_t
+from benchmarks.report import format_rate
+from benchmarks.scenes import BALL_RADIUS, SCENE_BUILDERS, scene_l, scene_s, scene_t
 
 
 @pytest.fixture(autouse=True)
@@ -31,7 +31,7 @@ def restore_threads() -> Iterator[None]:
 
 def test_scenes_have_the_stated_numbers_of_triangles() -> None:
     """Rates that were measured on other machines are of scenes with these sizes."""
-    sizes = {name: build().triangles - 12 for name, build in SCENES.items()}
+    sizes = {name: build().triangles - 12 for name, build in SCENE_BUILDERS.items()}
     assert sizes == {"S": 0, "M": 3_008, "L": 100_352, "T": 100_352, "W": 24, "D": 3_308}
 
 
@@ -39,14 +39,14 @@ def test_scenes_have_the_stated_numbers_of_triangles() -> None:
 def test_scenes_start_putts_on_the_ground_and_sweeps_in_free_space(name: str) -> None:
     """Putts start in contact with the ground; throws and sweeps start clear of all triangles."""
     small = {"small L": lambda: scene_l(28), "small T": lambda: scene_t(28)}
-    scene = {**SCENES, **small}[name]()
+    scene = {**SCENE_BUILDERS, **small}[name]()
     world, rng = scene.world(), np.random.default_rng(0)
-    places, velocities = scene.putts(rng, 50)
-    assert np.abs(world.clearance(places)).max() < 1e-12 * world.coordinate_scale
-    assert (velocities[:, 2] == 0.0).all() and (places[:, 2] == scene.level + RADIUS).all()
+    positions, velocities = scene.putts(rng, 50)
+    assert np.abs(world.clearance(positions)).max() < 1e-12 * world.coordinate_scale
+    assert (velocities[:, 2] == 0.0).all() and (positions[:, 2] == scene.level + BALL_RADIUS).all()
     points = scene.free_points(rng, 20)
     assert len(points) == 20
-    for point in (*places[:5], *points):
+    for point in (*positions[:5], *points):
         world.check_collision_free(point)
 
 
@@ -68,7 +68,7 @@ def test_levels_benchmark_resumes_from_its_log(tmp_path: Path, capsys: pytest.Ca
     before, lines = capsys.readouterr().out, log.read_text()
     levels.main(levels.Args(levels=1, balls=2, difficulty=("easy",), log=log))
     assert capsys.readouterr().out == before and log.read_text() == lines
-    assert "easy not holed out: [] odd: []" in before and "| 100.00% |" in before
+    assert "easy not holed out: [] faulty: []" in before and "| 100.00% |" in before
     levels.main(levels.Args(levels=2, balls=2, difficulty=("easy",), log=log))
     assert log.read_text().startswith(lines) and len(log.read_text().splitlines()) == 2
 
@@ -108,14 +108,14 @@ def test_stored_results_match_the_current_settings(script: Any) -> None:
 
 def test_sweeps_reach_walls_at_the_closed_form_time() -> None:
     """Measured times of impact with the walls of the room are exact up to rounding."""
-    late = exactness.lateness(Minigolf, exactness.Args(sweeps=200))
+    late = exactness.largest_contact_error(Minigolf, exactness.Args(sweeps=200))
     assert late is not None and late < 1e-13
 
 
 def test_batch_benchmark_prints_all_rows(capsys: pytest.CaptureFixture[str]) -> None:
     """Each kind of step, stable-baselines3's interface and states have a row; memory is measured elsewhere."""
     args = batch.Args(envs=3, rounds=1)
-    for table in (batch.beside_the_physics, batch.beside_the_batch, batch.states):
+    for table in (batch.print_step_cost, batch.print_adapter_cost, batch.print_state_cost):
         table(args)
     assert sum(line.startswith("| ") for line in capsys.readouterr().out.splitlines()) == 6 + 3 + 3 + 3 * 2
 
@@ -131,18 +131,18 @@ def test_missing_engine_is_skipped_with_a_message(
 
 
 @pytest.mark.filterwarnings("ignore")  # Some engines warn when they are imported.
-@pytest.mark.parametrize("package", PEERS)
+@pytest.mark.parametrize("package", PEER_ENGINES)
 def test_installed_engines_agree_on_a_rolling_ball(package: str) -> None:
     """After a second of rolling positions agree to 5 mm; a cast ends at the wall."""
     pytest.importorskip(package, reason="benchmarks/requirements.txt brings it")
-    scene, start = scene_s(), np.array([[-1.6, 0.0, RADIUS]])
+    scene, start = scene_s(), np.array([[-1.6, 0.0, BALL_RADIUS]])
     ours, peer = Minigolf(scene), load_peers([package])[0](scene)
     for engine in (ours, peer):
         engine.set(start, np.array([[1.0, 0.0, 0.0]]))
         engine.step(120)
     assert np.abs(peer.state()[0] - ours.state()[0]).max() < 5e-3
     assert np.abs(peer.state()[1] - ours.state()[1]).max() < 0.2
-    reach = {"sphere": 0.4 - RADIUS, "ray": 0.4}[peer.cast_kind]
+    reach = {"sphere": 0.4 - BALL_RADIUS, "ray": 0.4}[peer.cast_kind]
     raised = start + np.array([0.0, 0.0, 0.5])
     assert peer.cast(raised, raised - [1.0, 0.0, 0.0]) == pytest.approx(reach, abs=0.01)
     peer.close()
@@ -158,24 +158,26 @@ def test_search_benchmark_prints_all_rows(capsys: pytest.CaptureFixture[str]) ->
     """Each variant of search has a row."""
     search.main(search.Args(episodes=1, levels=0))
     printed = capsys.readouterr().out
-    for row in ("random", "thorough at once", "search ", "noise, search blind", "noise, search "):
+    for row in ("random", "thorough at once", "search ", "noise, search ignores", "noise, search "):
         assert f"| {row}" in printed
 
 
 def test_energy_spread_ignores_lost_balls() -> None:
     """Quantiles ignore NaN; where all balls are lost they are NaN."""
-    low, middle, high = spread(np.array([[1.0, 2.0, 3.0], [5.0, np.nan, 5.0], [np.nan] * 3]))
+    low, middle, high = quantile_band(np.array([[1.0, 2.0, 3.0], [5.0, np.nan, 5.0], [np.nan] * 3]))
     assert middle[:2].tolist() == [2.0, 5.0] and low[0] < 2.0 < high[0] and np.isnan(middle[2])
 
 
 def test_energy_figure_is_written(tmp_path: Path) -> None:
     """The SVG file and its folder are created."""
     pytest.importorskip("matplotlib", reason="benchmarks/requirements.txt brings it")
-    draw({"one": np.full((9, 4), 1e-3), "lost": np.full((9, 4), np.nan)}, 2.0, tmp_path / "figures" / "energy.svg")
+    draw_energy_error(
+        {"one": np.full((9, 4), 1e-3), "lost": np.full((9, 4), np.nan)}, 2.0, tmp_path / "figures" / "energy.svg"
+    )
     assert (tmp_path / "figures" / "energy.svg").read_text().startswith("<?xml")
 
 
 @pytest.mark.parametrize(("number", "text"), [(1.234e6, "1.23M"), (45_600, "45.6k"), (789, "789"), (0.0123, "0.0123")])
 def test_numbers_have_three_digits_and_a_unit(number: float, text: str) -> None:
     """Large numbers are abbreviated with k and M."""
-    assert short(number) == text
+    assert format_rate(number) == text

@@ -1,4 +1,4 @@
-"""What the benchmarks ask of an engine, and minigolf_env itself behind it."""
+"""The interface of a physics engine in the benchmarks, and minigolf_env behind it."""
 
 from __future__ import annotations
 
@@ -10,35 +10,36 @@ import numpy as np
 from benchmarks.scenes import FloatArray, Scene
 
 GRAVITY = 9.81
-"""m/s^2, downwards."""
+"""Gravity, m/s^2, downwards."""
 
 
 class Engine(ABC):
-    """A scene in one engine, with balls that do not see each other.
+    """A scene in one engine, with balls that do not collide with each other.
 
-    In the peers a ball cannot turn: then sliding friction of coefficient c brakes it by c g on a level floor, which is
-    what rolling resistance c does in minigolf_env. Balls never sleep, so that every step is a step.
+    In the other engines a ball cannot rotate. Sliding friction of coefficient c then decelerates it by c g on a level
+    floor, as rolling resistance c does in minigolf_env. Balls never sleep, so that every step is computed.
 
     Args:
-        scene: what to build.
-        balls: the number of balls, > 0.
-        dt: the time step, s.
+        scene: the scene to build.
+        balls: number of balls, > 0.
+        dt: time step, s.
     """
 
     name: ClassVar[str]
+    """Name in tables."""
     cast_kind: ClassVar[str]
-    """What ``cast`` sends through the scene: a "sphere" as large as the ball, or only a "ray"."""
+    """Shape that ``cast`` uses: a "sphere" as large as the ball, or a "ray"."""
 
     @abstractmethod
     def __init__(self, scene: Scene, balls: int = 1, dt: float = 1 / 120) -> None: ...
 
     @abstractmethod
     def set(self, positions: FloatArray, velocities: FloatArray) -> None:
-        """Put the balls at positions (balls, 3), m, with velocities (balls, 3), m/s."""
+        """Set positions (balls, 3), m, and velocities (balls, 3), m/s."""
 
     @abstractmethod
     def step(self, steps: int) -> None:
-        """Move all balls by so many time steps."""
+        """Advance all balls by a number of time steps."""
 
     @abstractmethod
     def state(self) -> tuple[FloatArray, FloatArray]:
@@ -46,14 +47,14 @@ class Engine(ABC):
 
     @abstractmethod
     def cast(self, starts: FloatArray, ends: FloatArray) -> FloatArray:
-        """Return the shares (N,) of the ways from starts to ends (N, 3) that are free, 1 where nothing is hit."""
+        """Return the hit fractions (N,) of casts from starts to ends (N, 3); 1 where nothing is hit."""
 
-    def close(self) -> None:  # noqa: B027 (most engines have nothing to give back)
-        """Give back what the engine holds outside of Python."""
+    def close(self) -> None:  # noqa: B027 (most engines hold nothing)
+        """Release the engine's resources."""
 
 
 class Minigolf(Engine):
-    """minigolf_env with the seed's response to impacts."""
+    """minigolf_env with the average-velocity response of the CS121 notes."""
 
     name = "minigolf_env, average"
     cast_kind = "sphere"
@@ -64,11 +65,11 @@ class Minigolf(Engine):
         self.positions, self.velocities = np.zeros((balls, 3)), np.zeros((balls, 3))
 
     def set(self, positions: FloatArray, velocities: FloatArray) -> None:
-        """Put the balls somewhere."""
+        """Set positions and velocities."""
         self.positions, self.velocities = positions, velocities
 
     def step(self, steps: int) -> None:
-        """Move all balls; runs can be cut at any step without changing a bit."""
+        """Advance all balls; splitting a run at any step gives the same bits."""
         shots = self.world.simulate_batch(self.positions, self.velocities, max_time=steps * self.world.dt)
         self.positions, self.velocities = shots.position, shots.velocity
 
@@ -82,7 +83,7 @@ class Minigolf(Engine):
 
 
 class Conservative(Minigolf):
-    """minigolf_env with impacts that keep energy."""
+    """minigolf_env with energy-conserving impacts."""
 
     name = "minigolf_env, conservative"
     impact = "conservative"

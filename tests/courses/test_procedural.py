@@ -12,7 +12,7 @@ import pytest
 import shapely
 import trimesh
 
-from benchmarks.levels import Args, examine
+from benchmarks.levels import Args, examine_level
 from minigolf_env.courses import Course, CourseError, load_course
 from minigolf_env.courses.procedural import (
     DIFFICULTY_NAMES,
@@ -168,7 +168,7 @@ def test_balls_roll_down_every_slope(difficulty: str, level: int) -> None:
 def test_a_level_can_be_played(difficulty: str, level: int) -> None:
     """Search holes out; random play rests where it can go on, or is out over the border; no step loses time."""
     env = MiniGolfEnv("procedural", difficulty=difficulty, tee="fixed", max_strokes=11)
-    seen = examine(env, difficulty, level, Args(balls=10))
+    seen = examine_level(env, difficulty, level, Args(balls=10))
     assert seen.strokes <= 10
     assert (seen.exhausted, seen.low_out, seen.inside, seen.stuck, seen.late) == (0, 0, 0, 0, 0)
 
