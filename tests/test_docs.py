@@ -213,7 +213,7 @@ def test_documented_course_file_equals_the_documented_python_code(
     """The TOML block of docs/courses.md is a complete course, and the Python block saves the same."""
     (block,) = blocks(COURSES, "toml")
     assert build_course(parse_description(block.code)).par == 2
-    (hole,) = (block for block in blocks(COURSES, "python") if "hole.save" in block.code)
+    (hole,) = (block for block in blocks(COURSES, "python") if "builder.save" in block.code)
     monkeypatch.chdir(tmp_path)
     exec(hole.code, {})  # noqa: S102 (our own page)
     assert parse_description((tmp_path / "post.toml").read_text()) == parse_description(block.code)

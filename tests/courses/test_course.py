@@ -11,9 +11,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 
 from minigolf_env.courses import CourseError, Cup, Tee, list_courses, load_course, par_of
 from minigolf_env.courses.builder import CourseBuilder
+from minigolf_env.courses.io import toml_course
+from minigolf_env.courses.schema.course_file import CourseFile
 from minigolf_env.courses.schema.surfaces import SurfaceRecord, collect_surfaces, rolling_resistance_from_stimp
 from minigolf_env.envs import MiniGolfEnv
 from minigolf_env.physics import Status, Surface
@@ -153,3 +156,25 @@ def test_a_file_that_changed_is_read_again(tmp_path: Path) -> None:
     assert load_course("procedural-v1-easy-17").name == "procedural-v1-easy-17"
     with pytest.raises(CourseError, match=r"^course: expected one of .*'room', received 'windmill'"):
         load_course("windmill")
+
+
+def test_course_file_is_parsed_once_per_load(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Its mesh files are found, its par is read and its course is built from one parsed description."""
+    path = tmp_path / "lane.toml"
+    builder = CourseBuilder("lane", tee=(0.3, 0.5), cup=(2.5, 0.5, 0.0))
+    builder.add("lane", outline=[{"box": (0, 0, 3, 1)}]).add("mesh", file="post.stl", at=(1.5, 0.5, 0.1)).save(path)
+    trimesh.creation.box((0.1, 0.1, 0.2)).export(tmp_path / "post.stl")
+    parsed: list[str] = []
+    parse = toml_course.parse_description
+
+    def count_and_parse(text: str, name: str) -> CourseFile:
+        parsed.append(name)
+        return parse(text, name)
+
+    monkeypatch.setattr(toml_course, "parse_description", count_and_parse)
+    course = load_course(path)
+    assert parsed == ["lane.toml"]
+    assert load_course(path) is course and par_of(str(path)) == 2
+    assert parsed == ["lane.toml"]
+    assert load_course(path, cup_radius=0.06) is not course
+    assert parsed == ["lane.toml"] * 2

@@ -19,7 +19,7 @@ from minigolf_env.courses.geometry.outlines import build_outline, join_shapes
 from minigolf_env.courses.geometry.solids import ShapelyPolygon, extrude, sweep_along_line
 from minigolf_env.courses.geometry.terrain import build_terrain, make_height_function
 from minigolf_env.courses.schema import parts
-from minigolf_env.courses.schema.limits import MAX_COORDINATE, Limits
+from minigolf_env.courses.schema.limits import MAX_COURSE_COORDINATE, Limits
 
 FLOOR_BELOW_CUP = 0.02
 """Thickness of the floor below the cup's liner, m."""
@@ -244,8 +244,10 @@ def _(record: parts.MeshPart, context: PartContext) -> Iterator[PartSolid]:
     if record.scale != 1.0:
         mesh = Trimesh(mesh.vertices * record.scale, mesh.faces, process=False)
     mesh = _place(mesh, record.at, record.turn)
-    if not np.abs(mesh.vertices).max(initial=0.0) <= MAX_COORDINATE:
-        raise CourseError(f"mesh: expected corners within {MAX_COORDINATE:g} m, received some beyond; give a `scale`.")
+    if not np.abs(mesh.vertices).max(initial=0.0) <= MAX_COURSE_COORDINATE:
+        raise CourseError(
+            f"mesh: expected corners within {MAX_COURSE_COORDINATE:g} m, received some beyond; give a `scale`."
+        )
     # Wind the faces outwards; where the ball is inside, make_part turns them.
     if mesh.volume < 0.0:
         mesh = Trimesh(mesh.vertices, mesh.faces[:, ::-1], process=False)
@@ -263,9 +265,9 @@ def build_inline_mesh(record: parts.MeshPart, limits: Limits) -> Trimesh:
     vertices = np.array(record.vertices, dtype=np.float64)
     faces = np.array(record.faces, dtype=np.int64)
     limits.check_triangles(len(faces))
-    if not len(faces) or not np.isfinite(vertices).all() or np.abs(vertices).max() > MAX_COORDINATE:
+    if not len(faces) or not np.isfinite(vertices).all() or np.abs(vertices).max() > MAX_COURSE_COORDINATE:
         raise CourseError(
-            f"vertices and faces: expected finite numbers within {MAX_COORDINATE:g} m, and at least one face."
+            f"vertices and faces: expected finite numbers within {MAX_COURSE_COORDINATE:g} m, and at least one face."
         )
     if faces.min() < 0 or faces.max() >= len(vertices):
         raise CourseError(f"faces: expected rows 0 to {len(vertices) - 1} of vertices, received up to {faces.max()}.")

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from trimesh.transformations import quaternion_matrix
 
 from minigolf_env.courses.course import CourseError
-from minigolf_env.courses.schema.limits import MAX_COORDINATE, Limits
+from minigolf_env.courses.schema.limits import MAX_COURSE_COORDINATE, Limits
 
 FloatArray: TypeAlias = NDArray[np.float64]
 IntArray: TypeAlias = NDArray[np.int64]
@@ -147,8 +147,8 @@ class _SceneReader:
             self.limits.check_triangles(self.num_triangles)
         # Transform the points; a mirrored object is wound the other way around.
         vertices = _y_up_to_z_up(_transform_points(np.concatenate(points), extras, matrix))
-        if not np.abs(vertices).max(initial=0.0) <= MAX_COORDINATE:
-            raise ValueError(f"positions beyond {MAX_COORDINATE:g} m")
+        if not np.abs(vertices).max(initial=0.0) <= MAX_COURSE_COORDINATE:
+            raise ValueError(f"positions beyond {MAX_COURSE_COORDINATE:g} m")
         all_faces = np.concatenate(faces)
         is_mirrored = np.linalg.det(matrix[:3, :3]) < 0.0
         return vertices, all_faces[:, ::-1] if is_mirrored else all_faces
@@ -228,7 +228,7 @@ def _transform_points(stored: NDArray[np.float32], extras: JsonObject, matrix: F
             exact = np.frombuffer(base64.b64decode(extras[EXACT_VERTICES_KEY], validate=True), "<f8").reshape(-1, 3)
         except (binascii.Error, TypeError, ValueError):
             exact = np.empty((0, 3))
-        if exact.shape == points.shape and np.abs(exact).max(initial=0.0) <= MAX_COORDINATE:
+        if exact.shape == points.shape and np.abs(exact).max(initial=0.0) <= MAX_COURSE_COORDINATE:
             is_unchanged = np.array_equal(_z_up_to_y_up(exact).astype(np.float32), stored)
             points = _z_up_to_y_up(exact) if is_unchanged else points
     if np.array_equal(matrix, np.eye(4)):

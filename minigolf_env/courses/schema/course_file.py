@@ -47,7 +47,7 @@ class CupRecord(Record):
     surface: NameField = "lining"
     """Surface of the cup's wall and bottom."""
     cut: bool = False
-    """Whether the parts contain the cup already, so that none is cut."""
+    """True if the parts contain the cup already, so that none is cut."""
 
 
 class CourseFile(Record):

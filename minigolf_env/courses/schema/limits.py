@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from minigolf_env.courses.course import CourseError
 
-MAX_COORDINATE = 1000.0
+MAX_COURSE_COORDINATE = 1000.0
 """Largest coordinate in a course file or a mesh file, m."""
 
 

@@ -85,7 +85,7 @@ class BlockPart(PartRecord):
     top: Number = 0.12
     """Level z of the top, m."""
     inwards: bool = False
-    """Whether the ball is inside the block, as in a room."""
+    """True if the ball is inside the block, as in a room."""
 
 
 class PrismPart(PartRecord):
@@ -286,9 +286,9 @@ class MeshPart(PartRecord):
     at: PointXYZ = (0.0, 0.0, 0.0)
     """Position (x, y, z) of the mesh's origin, m, after scaling and rotation."""
     inwards: bool = False
-    """Whether the ball is inside the mesh, as in a room."""
+    """True if the ball is inside the mesh, as in a room."""
     floor: bool = False
-    """Whether the cup is cut into the mesh's level top."""
+    """True if the cup is cut into the mesh's level top."""
 
     @model_validator(mode="after")
     def _check_one_source(self) -> MeshPart:

@@ -11,10 +11,12 @@ from typing import Annotated, Any, TypeAlias
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 from pydantic_core import PydanticCustomError
 
-from minigolf_env.courses.schema.limits import MAX_COORDINATE
+from minigolf_env.courses.schema.limits import MAX_COURSE_COORDINATE
 
-Number: TypeAlias = Annotated[float, Field(strict=True, ge=-MAX_COORDINATE, le=MAX_COORDINATE, allow_inf_nan=False)]
-Length: TypeAlias = Annotated[float, Field(strict=True, gt=0.0, le=MAX_COORDINATE, allow_inf_nan=False)]
+Number: TypeAlias = Annotated[
+    float, Field(strict=True, ge=-MAX_COURSE_COORDINATE, le=MAX_COURSE_COORDINATE, allow_inf_nan=False)
+]
+Length: TypeAlias = Annotated[float, Field(strict=True, gt=0.0, le=MAX_COURSE_COORDINATE, allow_inf_nan=False)]
 Fraction: TypeAlias = Annotated[float, Field(strict=True, ge=0.0, le=1.0)]
 PointXY: TypeAlias = tuple[Number, Number]
 PointXYZ: TypeAlias = tuple[Number, Number, Number]

@@ -44,7 +44,7 @@ class OutlineShape(Record):
     round: Annotated[float, Field(strict=True, ge=0.0, le=100.0)] = 0.0
     """Radius that outer corners are rounded to, m."""
     turn: Degrees = 0.0
-    """Rotation about the shape's centroid, degrees counter-clockwise."""
+    """Rotation about the centre of the shape's bounding box, degrees counter-clockwise."""
 
     @model_validator(mode="after")
     def _check_one_shape(self) -> OutlineShape:
