@@ -71,7 +71,7 @@ def file_of(folder: Path, among: range) -> Path:
 def play(course: Course, args: Args, among: range) -> Arrays:
     """Return what becomes of a range's putts; runs on any node."""
     began = time.process_time()
-    outcome = maps.simulate(course, args.tee, args.directions, args.speeds, among=among).outcome
+    outcome = maps.simulate_putts(course, args.tee, args.directions, args.speeds, direction_range=among).outcome
     seconds = np.array(time.process_time() - began)
     return {
         "result": outcome.result.astype(np.uint8),
@@ -178,7 +178,8 @@ def main(args: Args) -> Arrays:
         raise SystemExit("expected at least 1 direction, 1 speed and 1 putt a shard, and cells larger than 0.")
     try:
         course = load_course(args.course)
-        maps.simulate(course, args.tee, directions=1, speeds=1)  # What is wrong comes out here, not on another node.
+        # Report invalid arguments here, not on another node.
+        maps.simulate_putts(course, args.tee, directions=1, speeds=1)
     except ValueError as error:
         raise SystemExit(str(error)) from None
     folder = args.out or Path("runs") / f"{course.name}-map"

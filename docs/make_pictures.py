@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from minigolf_env.apps.course_check import picture
+from minigolf_env.apps.gallery import render_course
 from minigolf_env.courses import load_course
 from minigolf_env.courses.procedural import DIFFICULTY_NAMES, level_name
 from minigolf_env.envs import MiniGolfEnv
@@ -35,7 +35,7 @@ def levels(numbers: range, size: tuple[int, int] = (300, 225)) -> Image.Image:
     sheet = Image.new("RGB", (len(numbers) * size[0], len(DIFFICULTY_NAMES) * size[1]))
     for row, difficulty in enumerate(DIFFICULTY_NAMES):
         for column, number in enumerate(numbers):
-            shot = picture(load_course(level_name(difficulty, number)), "orbit", size)
+            shot = render_course(load_course(level_name(difficulty, number)), "orbit", size)
             sheet.paste(Image.fromarray(shot), (column * size[0], row * size[1]))
     return sheet
 

@@ -1,6 +1,6 @@
-"""The ``minigolf`` command: play a hole, film a policy that does, or score it.
+"""The ``minigolf`` command: play a hole, and record, evaluate and check.
 
-A command's docstring is its help, and what it needs is imported when it runs, so that ``--help`` is quick.
+The docstring of a command is its help. A command imports what it needs when it runs, so that ``--help`` is quick.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     import tyro
 
 
-def _imported_when_used(name: str) -> ModuleType:
-    """Return a module that is loaded when it is first looked into: see "Implementing lazy imports" in Python's docs."""
+def _import_lazily(name: str) -> ModuleType:
+    """Return a module that is loaded on first use: see "Implementing lazy imports" in Python's documentation."""
     spec = importlib.util.find_spec(name)
     if name in sys.modules or spec is None or spec.loader is None:
         return importlib.import_module(name)
@@ -32,16 +32,16 @@ def _imported_when_used(name: str) -> ModuleType:
 
 
 if not TYPE_CHECKING:
-    tyro = _imported_when_used("tyro")  # It takes as long as all else that the list of commands needs.
+    tyro = _import_lazily("tyro")  # The list of commands does not need it, and would take twice as long with it.
 
-FAILED = 1
-"""Exit code of a command that could not do what it was asked; 2 is a wrong command line's."""
+EXIT_FAILED = 1
+"""Exit code of a command that failed; argparse and tyro exit with 2 after an invalid command line."""
 
-NO_DISPLAY = 2
-"""Exit code of a command that cannot draw here."""
+EXIT_NO_DISPLAY = 2
+"""Exit code of a command that cannot draw."""
 
-INTERRUPTED = 130
-"""Exit code after Ctrl-C, as shells have it."""
+EXIT_INTERRUPTED = 130
+"""Exit code after Ctrl-C, as in shells."""
 
 
 def play(
@@ -58,11 +58,11 @@ def play(
     $ minigolf play --course my_hole.toml
 
     Args:
-        course: a hole, "round" for the nine of a round, or "room" to throw a ball in three dimensions.
-        opponent: plays against you: "search", "random", "ppo", "generalist" or a model's .zip or .npz file.
-        size: of the window, pixels.
-        profile: "high", "fast" or "auto".
-        log: print each event as a line of JSON, for programs that watch.
+        course: a hole's name or file, "round" for a round of nine holes, or "room" to throw a ball in three dimensions.
+        opponent: a policy to play against: "search", "random", "ppo", "generalist" or a model's .zip or .npz file.
+        size: width and height of the window, pixels.
+        profile: rendering quality: "high", "fast" or "auto".
+        log: print each event as a line of JSON, for other programs.
     """
     from minigolf_env.apps.play import run
 
@@ -81,7 +81,7 @@ def video(
     fps: int = 30,
     profile: str = "high",
 ) -> None:
-    """Film a policy that plays a hole, a round, or levels.
+    """Record a video of a policy that plays a hole, a round, or levels.
 
     $ minigolf video -o putt.mp4
     $ minigolf video --policy ppo --camera top --size 1280 720
@@ -90,15 +90,15 @@ def video(
 
     Args:
         output: the file to write, .mp4 or .gif.
-        course: a hole's name or file, "round" for nine in turn, or "procedural" for levels.
-        difficulty: of levels: easy, medium or hard.
+        course: a hole's name or file, "round" for nine holes in turn, or "procedural" for levels.
+        difficulty: difficulty of levels: easy, medium or hard.
         policy: "search", "random", "ppo", "generalist" or a model's .zip or .npz file.
-        episodes: how many to play: 9 are a whole round.
-        seed: of the environment and the random policy.
+        episodes: number of episodes; 9 are a whole round.
+        seed: seed of the environment and of the random policy.
         camera: "follow", "top", "tee" or "orbit".
         size: width and height, pixels.
-        fps: pictures a second.
-        profile: "high" or "fast".
+        fps: frames per second.
+        profile: rendering quality: "high" or "fast".
     """
     from minigolf_env.apps.record_policy import record_policy
 
@@ -117,48 +117,49 @@ def video(
 
 
 def courses(pictures: Path | None = None) -> None:
-    """List the bundled courses: par, size, triangles, and what makes them fun.
+    """List the bundled courses: par, size, number of triangles, and a description.
 
     $ minigolf courses
     $ minigolf courses --pictures pictures
 
     Args:
-        pictures: a folder to write a picture of each to, and all of them on one sheet, courses.png.
+        pictures: folder for an image of each course, and a contact sheet of all of them, courses.png.
     """
-    from minigolf_env.apps.course_check import table, write_pictures
+    from minigolf_env.apps.gallery import course_table, write_gallery
+    from minigolf_env.evaluation.report import print_table
 
-    print(table())
+    print_table(course_table())
     if pictures is not None:
-        print(f"wrote {write_pictures(pictures)}")
+        print(f"wrote {write_gallery(pictures)}")
 
 
 def check(file: Annotated[str, tyro.conf.Positional], preview: Path | None = None) -> None:
-    """Say what is wrong with a hole of your own; exit with 0 if nothing is, else with 1.
+    """Check a hole of your own and print its errors; exit with 0 if there are none, else with 1.
 
     $ minigolf check my_hole.toml
     $ minigolf check my_hole.glb --preview my_hole.png
 
     Args:
-        file: a .toml or .glb file, or a bundled course's name.
-        preview: a picture to write, if the hole can be loaded: .png.
+        file: a .toml or .glb file, or the name of a bundled course.
+        preview: image file to write if the hole can be loaded: .png, .jpg or .webp.
     """
-    from minigolf_env.apps.course_check import check as course_errors
-    from minigolf_env.apps.course_check import write_preview
+    from minigolf_env.apps.course_check import find_course_errors
+    from minigolf_env.apps.gallery import write_preview
     from minigolf_env.courses import CourseError, load_course
 
-    faults = list(course_errors(file))
-    for fault in faults:
-        print(fault, file=sys.stderr)
+    errors = list(find_course_errors(file))
+    for error in errors:
+        print(error, file=sys.stderr)
     try:
         course = load_course(file)
     except CourseError:
-        sys.exit(FAILED)
+        sys.exit(EXIT_FAILED)
     if preview is not None:
         write_preview(course, preview)
         print(f"wrote {preview}")
-    if faults:
-        sys.exit(FAILED)
-    print(f"{course.name}: nothing is wrong.")
+    if errors:
+        sys.exit(EXIT_FAILED)
+    print(f"{course.name}: no errors found.")
 
 
 def map_(
@@ -175,16 +176,15 @@ def map_(
     $ minigolf map --course my_hole.toml --directions 1440 --speeds 280
 
     Args:
-        output: the picture to write.
+        output: the image file to write.
         course: a hole's name or file.
-        tee: place of the ball, m, such as 0.3,0.6; left out: the middle of the tee.
-        directions: how many.
-        speeds: how many.
+        tee: position of the ball, m, such as 0.3,0.6; by default the middle of the tee.
+        directions: number of directions.
+        speeds: number of speeds.
     """
     from minigolf_env.apps.putt_map import write_map
 
-    place = None if tee is None else _place(tee)
-    putts = write_map(output, course, place, directions, speeds, progress=True)
+    putts = write_map(output, course, None if tee is None else _parse_position(tee), directions, speeds, progress=True)
     print(f"wrote {output}: {putts.outcome.result.size:,} putts, {putts.outcome.holed.sum():,} holes in one")
 
 
@@ -199,7 +199,7 @@ def evaluate(
     watch: bool = False,
     json: Path | None = None,
 ) -> None:
-    """Score a policy on a hole or on levels: strokes over fixed seeds, with confidence intervals.
+    """Evaluate a policy on a hole or on levels: strokes over fixed seeds, with confidence intervals.
 
     $ minigolf evaluate --policy ppo
     $ minigolf evaluate --policy runs/dogleg-1/best.zip --episodes 1000 --json score.json
@@ -207,14 +207,14 @@ def evaluate(
 
     Args:
         policy: "search", "random", "ppo", "generalist" or a model's .zip or .npz file.
-        course: a hole's name or file, "round" for nine in turn, or "procedural" for levels.
-        difficulty: of levels.
-        episodes: how many.
-        first_seed: episode i is seeded with so much more than i, or played on that level; seeds a random policy, too.
-        max_strokes: of an episode.
+        course: a hole's name or file, "round" for nine holes in turn, or "procedural" for levels.
+        difficulty: difficulty of levels: easy, medium or hard.
+        episodes: number of episodes.
+        first_seed: seed, or level, of the first episode; the next has one more. Also the seed of a random policy.
+        max_strokes: largest number of strokes of an episode.
         putt_noise: standard deviations of direction (degrees) and speed (share of it).
         watch: show the putts in a window.
-        json: also write the score to this file.
+        json: also write the result to this file.
     """
     from dataclasses import asdict
 
@@ -249,18 +249,18 @@ def benchmark(
     seed: int = 0,
     json: Path | None = None,
 ) -> None:
-    """Score a policy on fixed training levels and on levels held out, beside search.
+    """Evaluate a policy on fixed training levels and held-out levels, and compare it with search.
 
     $ minigolf benchmark --policy random --difficulty easy --levels 20
     $ minigolf benchmark --policy runs/procedural-1/best.npz --json scores.json
 
     Args:
         policy: "search", "random", "ppo", "generalist" or a model's .zip or .npz file.
-        difficulty: of the levels, one or more.
-        levels: in each set.
-        max_strokes: of an episode.
-        seed: of the random policy.
-        json: also write the scores to this file, with those of every level.
+        difficulty: difficulties of the levels, one or more.
+        levels: number of levels in each set.
+        max_strokes: largest number of strokes of an episode.
+        seed: seed of the random policy.
+        json: also write the results to this file, including those of every level.
     """
     from dataclasses import asdict
 
@@ -277,16 +277,16 @@ def benchmark(
         write_json_report(json, policy=policy, settings=settings, sets=[asdict(result) for result in results])
 
 
-COMMANDS = (play, video, courses, check, map_, evaluate, benchmark)
+COMMAND_FUNCTIONS = (play, video, courses, check, map_, evaluate, benchmark)
 
-DESCRIPTION = "Play minigolf, film a policy that does, or score it."
+DESCRIPTION = "Play minigolf, record videos, evaluate policies, and check courses."
 
 EPILOG = """examples:       minigolf COMMAND --help
 completion:     minigolf --tyro-write-completion {bash,zsh,tcsh} FILE
-exit codes:     0 done; 1 failed; 2 a wrong command line, or nowhere to draw"""
+exit codes:     0 success; 1 failure; 2 an invalid command line, or no display"""
 
 
-def _place(text: str) -> tuple[float, float]:
+def _parse_position(text: str) -> tuple[float, float]:
     try:
         x, y = (float(number) for number in text.split(","))
     except ValueError:
@@ -295,43 +295,47 @@ def _place(text: str) -> tuple[float, float]:
 
 
 def main(args: Sequence[str] | None = None) -> None:
-    """Run the command line, or the given arguments; a user's mistake is one line on stderr."""
+    """Run the command line, or the given arguments; a user's mistake prints one line on stderr."""
     words = list(sys.argv[1:] if args is None else args)
     try:
         _run(words)
         sys.stdout.flush()
-    except BrokenPipeError:  # Whoever read the output has seen enough: `minigolf courses | head -3`.
+    except BrokenPipeError:  # The reader of the output has closed it: `minigolf courses | head -3`.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except (ValueError, OSError, ImportError, MemoryError) as error:
-        sys.exit(_say(error, FAILED))
+        sys.exit(_print_error(error, EXIT_FAILED))
     except RuntimeError as error:
         from minigolf_env.rendering import RenderingError
 
         if not isinstance(error, RenderingError):
             raise
-        sys.exit(_say(error, NO_DISPLAY))
+        sys.exit(_print_error(error, EXIT_NO_DISPLAY))
     except KeyboardInterrupt:
-        sys.exit(INTERRUPTED)
+        sys.exit(EXIT_INTERRUPTED)
 
 
 def _run(words: Sequence[str]) -> None:
-    """Let argparse find the command, and tyro read what it is to do."""
-    commands = {command.__name__.rstrip("_"): command for command in COMMANDS}
+    """Choose the command with argparse, and run it with the arguments that tyro parses."""
+    commands = {command.__name__.rstrip("_"): command for command in COMMAND_FUNCTIONS}
     if words[:1] == ["--tyro-write-completion"]:
         tyro.extras.subcommand_cli_from_dict(commands, prog="minigolf", args=words)
-    style = argparse.RawDescriptionHelpFormatter
-    parser = argparse.ArgumentParser("minigolf", description=DESCRIPTION, epilog=EPILOG, formatter_class=style)
+    parser = argparse.ArgumentParser(
+        "minigolf",
+        description=DESCRIPTION,
+        epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
     parser.add_argument("--version", action="version", version=f"minigolf_env {__version__}")
-    known = parser.add_subparsers(title="commands", metavar="COMMAND", dest="command", required=True)
+    subparsers = parser.add_subparsers(title="commands", metavar="COMMAND", dest="command", required=True)
     for name, command in commands.items():
-        known.add_parser(name, help=str(command.__doc__).splitlines()[0], add_help=False)
+        subparsers.add_parser(name, help=str(command.__doc__).splitlines()[0], add_help=False)
     name = parser.parse_args(words[:1]).command
     tyro.cli(commands[name], prog=f"minigolf {name}", args=words[1:])
 
 
-def _say(error: Exception, code: int) -> int:
+def _print_error(error: Exception, exit_code: int) -> int:
     print(f"minigolf: {error}", file=sys.stderr)
-    return code
+    return exit_code
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""The command line: help with examples that work, exit codes, and no traceback for a user's mistake."""
+"""The command line: help with valid examples, exit codes, and no traceback for a user's mistake."""
 
 from __future__ import annotations
 
@@ -15,51 +15,54 @@ import tyro
 
 from minigolf_env import __version__, cli
 
-NAMES = [command.__name__.rstrip("_") for command in cli.COMMANDS]
+COMMAND_NAMES = [command.__name__.rstrip("_") for command in cli.COMMAND_FUNCTIONS]
 
-HEAVY = ("matplotlib", "numba", "OpenGL", "pydantic", "pyglet", "shapely", "torch", "trimesh", "typeguard")
-"""Libraries that take long to import."""
+SLOW_LIBRARIES = ("matplotlib", "numba", "OpenGL", "pydantic", "pyglet", "shapely", "torch", "trimesh", "typeguard")
+"""Libraries that are slow to import."""
 
 
 def examples(command: Callable[..., None]) -> list[list[str]]:
-    """Return the words of the examples in a command's help."""
+    """Return the arguments of the examples in a command's help."""
     lines = (line.strip() for line in str(command.__doc__).splitlines())
     start = f"$ minigolf {command.__name__.rstrip('_')}"
     return [line.removeprefix(start).split() for line in lines if line.startswith(start)]
 
 
-@pytest.mark.parametrize("command", cli.COMMANDS, ids=NAMES)
-def test_the_examples_of_a_command_are_understood(
+@pytest.mark.parametrize("command", cli.COMMAND_FUNCTIONS, ids=COMMAND_NAMES)
+def test_examples_in_help_are_valid_command_lines(
     command: Callable[..., None], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """They stand in its help, each on a line of its own, and give its arguments."""
+    """The help prints each example on its own line, and tyro parses its arguments."""
     name = command.__name__.rstrip("_")
     shown = [["minigolf", name, *words] for words in examples(command)]
     with pytest.raises(SystemExit) as caught:
         cli.main([name, "--help"])
     printed = [line.split()[1:] for line in capsys.readouterr().out.splitlines() if line.startswith("$ ")]
     assert caught.value.code == 0 and printed == shown and len(shown) >= 2
-    called: list[dict[str, Any]] = []
+    calls: list[dict[str, Any]] = []
 
     @functools.wraps(command)
-    def note(**values: Any) -> None:
-        called.append(values)
+    def record_call(**values: Any) -> None:
+        calls.append(values)
 
     for words in examples(command):
-        tyro.cli(note, args=words)
-    assert len(called) == len(shown)
+        tyro.cli(record_call, args=words)
+    assert len(calls) == len(shown)
 
 
-def test_the_list_of_commands_has_a_line_for_each() -> None:
-    """And takes no library that is slow to import."""
-    told = [f"{name!r} in sys.modules" for name in HEAVY]
+def test_help_lists_all_commands_without_slow_imports() -> None:
+    """Each command has one line, and no slow library is imported."""
+    imported = [f"{name!r} in sys.modules" for name in SLOW_LIBRARIES]
     program = (
         "import sys\nfrom minigolf_env.cli import main\n"
-        f"try: main(['--help'])\nfinally: assert not ({' or '.join(told)}), sorted(sys.modules)"
+        f"try: main(['--help'])\nfinally: assert not ({' or '.join(imported)}), sorted(sys.modules)"
     )
-    got = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
-    assert (got.returncode, got.stderr) == (0, "")
-    assert all(re.search(rf"\n    {name}\s", got.stdout) for name in NAMES) and "$ minigolf" not in got.stdout
+    result = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert (result.returncode, result.stderr) == (0, "")
+    assert (
+        all(re.search(rf"\n    {name}\s", result.stdout) for name in COMMAND_NAMES)
+        and "$ minigolf" not in result.stdout
+    )
 
 
 @pytest.mark.parametrize(
@@ -89,21 +92,21 @@ def test_the_list_of_commands_has_a_line_for_each() -> None:
         ("video -o a.avi", 1, "'.mp4'"),
     ],
 )
-def test_a_mistake_is_told_without_a_traceback(
+def test_mistake_is_reported_without_traceback(
     words: str, code: int, message: str, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: Any
 ) -> None:
-    """1 is what could not be done, on one line; 2 a wrong command line. Nothing is left behind."""
+    """Exit code 1 has a one-line message, 2 is an invalid command line. No file is left behind."""
     monkeypatch.chdir(tmp_path)
     with pytest.raises(SystemExit) as caught:
         cli.main(words.split())
-    said = capsys.readouterr().err.splitlines()
-    assert caught.value.code == code and not any("Traceback" in line for line in said)
-    assert message in (said[-1] if code == 1 else "\n".join(said))
+    lines = capsys.readouterr().err.splitlines()
+    assert caught.value.code == code and not any("Traceback" in line for line in lines)
+    assert message in (lines[-1] if code == 1 else "\n".join(lines))
     assert not list(tmp_path.iterdir())
 
 
 def test_version_and_completion(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """As other commands have them; bash reads the script."""
+    """The version is one line; bash parses the completion script."""
     with pytest.raises(SystemExit) as caught:
         cli.main(["--version"])
     assert not caught.value.code
@@ -115,8 +118,8 @@ def test_version_and_completion(tmp_path: Path, capsys: pytest.CaptureFixture[st
     subprocess.run(["/bin/bash", "-n", script], check=True)
 
 
-def test_a_reader_that_has_seen_enough_is_no_error() -> None:
-    """``minigolf courses | head -1``."""
+def test_closed_pipe_is_not_an_error() -> None:
+    """``minigolf courses | head -1`` exits with 0 and prints no error."""
     command = [sys.executable, "-m", "minigolf_env.cli", "courses"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None and process.stderr is not None
@@ -124,13 +127,13 @@ def test_a_reader_that_has_seen_enough_is_no_error() -> None:
         assert (process.stderr.read(), process.wait()) == ("", 0)
 
 
-def test_a_bug_is_not_hidden(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What is not the user's mistake keeps its traceback."""
+def test_bug_keeps_its_traceback(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An exception that is not a user's mistake is not caught."""
 
     def broken() -> None:
         """Fail."""
         raise RuntimeError("a bug")
 
-    monkeypatch.setattr(cli, "COMMANDS", (broken, cli.courses))
+    monkeypatch.setattr(cli, "COMMAND_FUNCTIONS", (broken, cli.courses))
     with pytest.raises(RuntimeError, match="a bug"):
         cli.main(["broken"])

@@ -19,7 +19,7 @@ import tyro
 
 import minigolf_env
 from minigolf_env import cli
-from minigolf_env.apps.course_check import check
+from minigolf_env.apps.course_check import find_course_errors
 from minigolf_env.courses import list_courses
 from minigolf_env.courses.io.toml_course import build_course, parse_description, read_description
 from minigolf_env.courses.library import DATA_DIR
@@ -105,7 +105,7 @@ def parse_command(words: list[str], is_in_text: bool = False) -> None:
         words = words[words.index("minigolf") :]
     program, arguments = re.sub(r"^\.venv[\w-]*/bin/", "", words[0]), [word for word in words[1:] if word != "--help"]
     if program == "minigolf":
-        commands = {command.__name__.rstrip("_"): command for command in cli.COMMANDS}
+        commands = {command.__name__.rstrip("_"): command for command in cli.COMMAND_FUNCTIONS}
         if not arguments or arguments[0] in ("--version", "--tyro-write-completion"):
             return
         assert arguments[0] in commands, words
@@ -204,7 +204,7 @@ def test_citations_have_the_current_version() -> None:
 @pytest.mark.parametrize("example", ["windmill.toml", "boulder.glb"])
 def test_course_check_finds_nothing_wrong_with_the_examples(example: str) -> None:
     """The example courses of the documentation load and can be played."""
-    assert list(check(DOCS / "examples" / example)) == []
+    assert list(find_course_errors(DOCS / "examples" / example)) == []
 
 
 def test_documented_course_file_equals_the_documented_python_code(

@@ -1,4 +1,4 @@
-"""Maps of a hole: where putts in every direction and at every speed end, and which hole out."""
+"""Putt maps of a hole: where putts in every direction and at every speed end, and which of them hole out."""
 
 from __future__ import annotations
 
@@ -19,13 +19,16 @@ from minigolf_env.envs.task import Outcome, Result
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-DIRECTIONS, SPEEDS = 720, 140
-"""Every half degree, and 140 shares of the top speed: 100,800 putts."""
+NUM_MAP_DIRECTIONS = 720
+"""Default number of directions of a map: one every half degree."""
 
-CHUNK = 3600
-"""Putts between two looks of the progress bar."""
+NUM_MAP_SPEEDS = 140
+"""Default number of speeds of a map; with the default directions these are 100,800 putts."""
 
-INK = {
+PUTTS_PER_PROGRESS_UPDATE = 3600
+"""Number of putts between two updates of the progress bar."""
+
+MATERIAL_MAP_COLORS = {
     "felt": "#a9cf9a",
     "wood": "#b98d5a",
     "stone": "#a8a49c",
@@ -35,94 +38,105 @@ INK = {
     "paint": "#cfcac0",
     "water": "#7fb3d0",
 }
-"""What materials are drawn in."""
+"""Color of each material on a map."""
 
 
-class Putts(NamedTuple):
-    """What became of putts in every direction (D) and at every speed (S)."""
+class PuttOutcomes(NamedTuple):
+    """The outcomes of putts in D directions and at S speeds."""
 
     start: NDArray[np.float64]
-    """(3,) the ball's centre, m."""
+    """Start of the ball's centre, m, shape (3,)."""
     directions: NDArray[np.float64]
-    """(D,) degrees, counter-clockwise from x."""
+    """Directions, degrees counter-clockwise from x, shape (D,)."""
     speeds: NDArray[np.float64]
-    """(S,) m/s."""
+    """Speeds, m/s, shape (S,)."""
     outcome: Outcome
-    """Fields of shape (D, S, ...)."""
+    """Outcomes; its fields have the shape (D, S, ...)."""
 
 
-def simulate(
+def simulate_putts(
     course: str | Path | Course,
     tee: Sequence[float] | None = None,
-    directions: int = DIRECTIONS,
-    speeds: int = SPEEDS,
+    directions: int = NUM_MAP_DIRECTIONS,
+    speeds: int = NUM_MAP_SPEEDS,
     progress: bool = False,
-    among: range | None = None,
-) -> Putts:
-    """Return what becomes of putts in every direction, at every speed.
+    direction_range: range | None = None,
+) -> PuttOutcomes:
+    """Simulate putts in every direction and at every speed, and return their outcomes.
 
     Args:
         course: a name, a course file or a Course, with a cup.
-        tee: x, y of the ball, m, on the tee's level; None: the middle of the tee.
-        directions: how many.
-        speeds: how many, up to the course's top speed.
-        progress: whether a bar shows how far it is.
-        among: which of the directions are played, by number; None: all. A map is the same bits, whole or in parts.
+        tee: x and y of the ball, m, at the height of the tee; None: the middle of the tee.
+        directions: number of directions, at least 1.
+        speeds: number of speeds up to the course's top speed, at least 1.
+        progress: show a progress bar.
+        direction_range: indices of the directions to simulate; None: all. The outcomes have the same bits, whether the
+            directions are simulated together or in parts.
 
     Raises:
-        ValueError: no such course, the ball cannot lie there, or directions or speeds below 1.
+        ValueError: there is no such course, the ball cannot be placed there, or directions or speeds are below 1.
     """
     if directions < 1 or speeds < 1:
         raise ValueError(f"map: expected directions and speeds >= 1, received {(directions, speeds)}.")
-    golf = load_course(course)
-    task = build_task(golf)
-    x, y = golf.tee.centre if tee is None else tee
-    start = check_position(task, (x, y, golf.tee.height + golf.ball_radius))
-    degrees: NDArray[np.float64] = np.array(range(directions) if among is None else among) * (360.0 / directions)
+    # Place the ball.
+    loaded = load_course(course)
+    task = build_task(loaded)
+    x, y = loaded.tee.centre if tee is None else tee
+    start = check_position(task, (x, y, loaded.tee.height + loaded.ball_radius))
+    # Make the grid of launch velocities.
+    indices = np.array(range(directions) if direction_range is None else direction_range)
+    degrees: NDArray[np.float64] = indices * (360.0 / directions)
     shares: NDArray[np.float64] = np.arange(1.0, speeds + 1.0) / speeds
-    turn, share = (grid.ravel() for grid in np.meshgrid(np.radians(degrees), shares, indexing="ij"))
-    velocities = task.launch_velocity(np.c_[share * np.cos(turn), share * np.sin(turn)])
-    done = []
+    angle, share = (grid.ravel() for grid in np.meshgrid(np.radians(degrees), shares, indexing="ij"))
+    velocities = task.launch_velocity(np.c_[share * np.cos(angle), share * np.sin(angle)])
+    # Simulate the putts in chunks.
+    outcomes = []
     with tqdm(total=len(velocities), unit=" putts", disable=None if progress else True) as bar:
-        for first in range(0, len(velocities), CHUNK):
-            some = velocities[first : first + CHUNK]
-            done.append(task.simulate(np.tile(start, (len(some), 1)), some))
-            bar.update(len(some))
-    whole = (
-        np.concatenate(field).reshape(len(degrees), speeds, *field[0].shape[1:]) for field in zip(*done, strict=True)
+        for first in range(0, len(velocities), PUTTS_PER_PROGRESS_UPDATE):
+            chunk = velocities[first : first + PUTTS_PER_PROGRESS_UPDATE]
+            outcomes.append(task.simulate(np.tile(start, (len(chunk), 1)), chunk))
+            bar.update(len(chunk))
+    fields = (
+        np.concatenate(field).reshape(len(degrees), speeds, *field[0].shape[1:])
+        for field in zip(*outcomes, strict=True)
     )
-    return Putts(start, degrees, shares * task.top_speed, Outcome(*whole))
+    return PuttOutcomes(start, degrees, shares * task.top_speed, Outcome(*fields))
 
 
 def draw_course(axes: Axes, course: Course) -> None:
     """Draw a course from above."""
     from matplotlib.collections import PolyCollection
 
-    outlines, heights, inks = [], [], []
+    # Collect the triangles that face up.
+    triangles, heights, colors = [], [], []
     for part in course.parts:
         corners = part.mesh.triangles
         normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        up = normal[:, 2] > 0.05 * np.maximum(np.linalg.norm(normal, axis=1), 1e-12)
-        outlines.append(corners[up][:, :, :2])
-        heights.append(corners[up][:, :, 2].max(axis=1))
-        inks += [part.color or INK[part.material]] * int(up.sum())
+        faces_up = normal[:, 2] > 0.05 * np.maximum(np.linalg.norm(normal, axis=1), 1e-12)
+        triangles.append(corners[faces_up][:, :, :2])
+        heights.append(corners[faces_up][:, :, 2].max(axis=1))
+        colors += [part.color or MATERIAL_MAP_COLORS[part.material]] * int(faces_up.sum())
+    # Draw them from the lowest to the highest.
     order = np.argsort(np.concatenate(heights), kind="stable")
-    triangles = PolyCollection(
-        list(np.concatenate(outlines)[order]), facecolors=[inks[k] for k in order], edgecolors="face", linewidths=0.2
+    collection = PolyCollection(
+        list(np.concatenate(triangles)[order]),
+        facecolors=[colors[k] for k in order],
+        edgecolors="face",
+        linewidths=0.2,
     )
-    triangles.set_rasterized(True)
-    axes.add_collection(triangles)
+    collection.set_rasterized(True)
+    axes.add_collection(collection)
     axes.autoscale_view()
     axes.set_aspect("equal")
     axes.set_xlabel("x (m)")
     axes.set_ylabel("y (m)")
 
 
-def draw_map(axes: Axes, course: Course, putts: Putts) -> None:
+def draw_map(axes: Axes, course: Course, putts: PuttOutcomes) -> None:
     """Draw a course from above, and where putts end on it."""
     draw_course(axes, course)
-    rest = putts.outcome.result == Result.REST
-    ends = putts.outcome.position[rest]
+    at_rest = putts.outcome.result == Result.REST
+    ends = putts.outcome.position[at_rest]
     axes.plot(*ends[:, :2].T, ",", color="#1b3f8b", alpha=0.35, rasterized=True)
     axes.plot(*putts.start[:2], "o", color="white", markeredgecolor="black", markersize=6)
     if course.cup is not None:
@@ -131,15 +145,15 @@ def draw_map(axes: Axes, course: Course, putts: Putts) -> None:
     axes.set_title(f"{course.name}: {putts.outcome.result.size:,} putts, {holed:.2%} of them holes in one")
 
 
-def draw_polar(axes: Axes, putts: Putts) -> None:
-    """Draw what becomes of putts over direction and speed: holed red, out of bounds blue, others by where they end."""
+def draw_polar(axes: Axes, putts: PuttOutcomes) -> None:
+    """Draw the outcomes over speed and direction: holed red, out of bounds blue, others by how far away they end."""
     result, ends = putts.outcome.result, putts.outcome.position
-    away = np.hypot(ends[..., 0] - putts.start[0], ends[..., 1] - putts.start[1])
-    picture = np.repeat((0.95 - 0.6 * away / max(float(away.max()), 1e-9))[..., None], 3, axis=-1)
-    picture[result == Result.OUT_OF_BOUNDS] = 0.55, 0.72, 0.85
-    picture[result == Result.HOLED] = 0.85, 0.10, 0.10
-    box = (0.0, float(putts.speeds[-1]), 0.0, 360.0)
-    axes.imshow(picture, origin="lower", extent=box, aspect="auto", interpolation="nearest")
+    distance = np.hypot(ends[..., 0] - putts.start[0], ends[..., 1] - putts.start[1])
+    image = np.repeat((0.95 - 0.6 * distance / max(float(distance.max()), 1e-9))[..., None], 3, axis=-1)
+    image[result == Result.OUT_OF_BOUNDS] = 0.55, 0.72, 0.85
+    image[result == Result.HOLED] = 0.85, 0.10, 0.10
+    extent = (0.0, float(putts.speeds[-1]), 0.0, 360.0)
+    axes.imshow(image, origin="lower", extent=extent, aspect="auto", interpolation="nearest")
     axes.set_xlabel("speed (m/s)")
     axes.set_ylabel("direction (degrees)")
     axes.set_title("red: holed, blue: out of bounds,\ngrey: the darker the farther", fontsize=9)
@@ -149,14 +163,16 @@ def write_map(
     output: Path,
     course: str | Path | Course,
     tee: Sequence[float] | None = None,
-    directions: int = DIRECTIONS,
-    speeds: int = SPEEDS,
+    directions: int = NUM_MAP_DIRECTIONS,
+    speeds: int = NUM_MAP_SPEEDS,
     progress: bool = False,
-) -> Putts:
-    """Simulate, draw and write the picture, and its folder; return the putts. Arguments and errors as ``simulate``.
+) -> PuttOutcomes:
+    """Simulate putts, write the map as an image, and return the outcomes. The folder of the file is made.
+
+    The other arguments and errors are those of ``simulate_putts``.
 
     Raises:
-        ValueError: matplotlib writes no such pictures; nothing was simulated then.
+        ValueError: matplotlib does not write images of this file ending; nothing was simulated then.
         OSError: the file cannot be written; nothing was simulated then.
     """
     from matplotlib.figure import Figure
@@ -164,7 +180,7 @@ def write_map(
     figure = Figure(figsize=(13.0, 5.0), layout="constrained")
     one_of(output.suffix[1:].lower(), tuple(figure.canvas.get_supported_filetypes()), "output: the file's ending")
     with atomic_write(output) as part:
-        putts = simulate(course, tee, directions, speeds, progress)
+        putts = simulate_putts(course, tee, directions, speeds, progress)
         left, right = figure.subplots(1, 2, width_ratios=(2.2, 1.0))
         draw_map(left, load_course(course), putts)
         draw_polar(right, putts)

@@ -1,4 +1,4 @@
-"""The film of a policy that plays a hole."""
+"""Record a video of a policy that plays a hole, a round or levels."""
 
 from __future__ import annotations
 
@@ -28,25 +28,25 @@ def record_policy(
     fps: int = 30,
     profile: str = "high",
 ) -> None:
-    """Film a policy that plays a hole, and print a line about the file; a progress bar shows how far it is.
+    """Record a video of a policy that plays, with a progress bar, and print a line about the file.
 
     Args:
         output: the file, .mp4 or .gif.
-        course: as for MiniGolfEnv; of "round", the episodes are the holes in turn.
-        policy: as for ``policies.load_policy``.
-        difficulty: of levels, as for MiniGolfEnv.
-        episodes: how many are played, at least 1.
-        seed: of the first episode and the random policy; the next episode's is one more.
+        course: the ``course`` of MiniGolfEnv. The episodes of "round" are its holes in turn.
+        policy: the ``name`` of ``policies.load_policy``.
+        difficulty: the ``difficulty`` of MiniGolfEnv, for levels.
+        episodes: number of episodes, at least 1.
+        seed: seed of the first episode and of the random policy; episode k has the seed ``seed + k``.
         camera: a name of ``rendering.CAMERA_NAMES``.
         size: width and height, pixels.
-        fps: pictures a second.
+        fps: frames per second.
         profile: a name of ``rendering.RENDER_PROFILES``.
 
     Raises:
-        ValueError: an argument is not what it should be; nothing was computed then.
-        FileNotFoundError, ImportError: as for ``policies.load_policy``.
+        ValueError: an argument is invalid; nothing was computed then.
+        FileNotFoundError, ImportError: as ``policies.load_policy``.
         OSError: the file cannot be written.
-        RenderingError: there is no OpenGL here.
+        RenderingError: there is no OpenGL.
     """
     started = time.perf_counter()
     path = check_path(output)
@@ -55,43 +55,48 @@ def record_policy(
     integer(seed, "seed", 0, 2**63, "0 will do.")
     one_of(profile, RENDER_PROFILES, "profile")
     player = load_policy(policy, seed)
-    look: dict[str, Any] = {"render_size": size, "camera": camera, "render_profile": profile}
-    look |= {"observation": player.observation, "difficulty": difficulty}
-    # Each episode has its own environment, which remembers its putts: what is to be drawn is known before it is drawn.
-    stages = [MiniGolfEnv(course, "rgb_array_list", **look) for _ in range(episodes)]
-    playing = tqdm(stages, "Playing", leave=False, disable=None)
-    shows = [_play(env, player, seed + k, round_reset_options(course, k), fps) for k, env in enumerate(playing)]
+    env_args: dict[str, Any] = {"render_size": size, "camera": camera, "render_profile": profile}
+    env_args |= {"observation": player.observation, "difficulty": difficulty}
+    # Play all episodes before drawing, each in an environment that keeps its putts: the progress bar then has a total.
+    envs = [MiniGolfEnv(course, "rgb_array_list", **env_args) for _ in range(episodes)]
+    progress = tqdm(envs, "Playing", leave=False, disable=None)
+    results = [_play(env, player, seed + k, round_reset_options(course, k), fps) for k, env in enumerate(progress)]
+    # Draw them.
     with VideoWriter(path, size, fps) as writer:
-        _draw(stages, writer, sum(show.pictures for show in shows))
+        _draw(envs, writer, sum(episode.num_frames for episode in results))
     print(
         f"{output}: {writer.num_frames / fps:.1f} s of {size[0]} x {size[1]}, {path.stat().st_size / 1e6:.2f} MB, "
-        f"strokes: {', '.join(map(str, shows))}; took {time.perf_counter() - started:.0f} s"
+        f"strokes: {', '.join(map(str, results))}; took {time.perf_counter() - started:.0f} s"
     )
 
 
-class _Show(NamedTuple):
-    """What an episode came to."""
+class _PlayedEpisode(NamedTuple):
+    """The result of an episode."""
 
     strokes: int
+    """Number of strokes."""
     holed: bool
-    pictures: int
+    """True if the ball ended in the cup."""
+    num_frames: int
+    """Number of frames of its video."""
 
     def __str__(self) -> str:
         return f"{self.strokes}" if self.holed else f"{self.strokes} (not holed)"
 
 
-def _play(env: MiniGolfEnv, player: Policy, seed: int, options: dict[str, int], fps: int) -> _Show:
+def _play(env: MiniGolfEnv, player: Policy, seed: int, options: dict[str, int], fps: int) -> _PlayedEpisode:
     observation, info = env.reset(seed=seed, options=options)
-    over, pictures = False, 1
-    while not over:
-        observation, _, over, _, info = env.step(player.act(observation, env))
-        pictures += frame_count(info["shot_time"], fps)
-    return _Show(info["strokes"], info["is_success"], pictures)
+    done = False
+    num_frames = 1
+    while not done:
+        observation, _, done, _, info = env.step(player.act(observation, env))
+        num_frames += frame_count(info["shot_time"], fps)
+    return _PlayedEpisode(info["strokes"], info["is_success"], num_frames)
 
 
-def _draw(stages: list[MiniGolfEnv], writer: VideoWriter, total: int) -> None:
-    with tqdm(total=total, desc="Filming", leave=False, disable=None) as bar:
-        for env in stages:
-            for picture in env.renderer.iter_frames(writer.fps):
-                writer.add(picture)
+def _draw(envs: list[MiniGolfEnv], writer: VideoWriter, total: int) -> None:
+    with tqdm(total=total, desc="Drawing", leave=False, disable=None) as bar:
+        for env in envs:
+            for frame in env.renderer.iter_frames(writer.fps):
+                writer.add(frame)
                 bar.update()

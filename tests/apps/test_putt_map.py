@@ -1,4 +1,4 @@
-"""Maps: what they are drawn from is what the environment plays."""
+"""Putt maps: their outcomes are those of the environment."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from minigolf_env import cli
-from minigolf_env.apps.putt_map import draw_map, simulate, write_map
+from minigolf_env.apps.putt_map import draw_map, simulate_putts, write_map
 from minigolf_env.courses import load_course
 from minigolf_env.envs import MiniGolfEnv
 
 
-def test_the_putts_of_a_map_are_those_of_the_environment() -> None:
-    """Direction by direction, speed by speed."""
-    putts = simulate("dogleg", tee=(0.3, 0.6), directions=12, speeds=5)
+def test_outcomes_match_environment() -> None:
+    """A putt of the map ends where the environment's putt of the same direction and speed ends."""
+    putts = simulate_putts("dogleg", tee=(0.3, 0.6), directions=12, speeds=5)
     env = MiniGolfEnv(course="dogleg")
     env.reset(options={"position": (0.3, 0.6, 0.02135)})
     turn, share = np.radians(putts.directions[7]), putts.speeds[3] / 6.0
@@ -24,16 +24,17 @@ def test_the_putts_of_a_map_are_those_of_the_environment() -> None:
     assert np.allclose(played.position[0], putts.outcome.position[7, 3], rtol=0.0, atol=1e-9)
 
 
-def test_a_map_in_parts_is_the_same_map() -> None:
-    """To the last bit: some directions alone, and among all."""
-    whole, part = simulate("bank", directions=7, speeds=3), simulate("bank", directions=7, speeds=3, among=range(2, 5))
+def test_range_of_directions_has_same_bits_as_whole_map() -> None:
+    """A map can be simulated in parts."""
+    whole = simulate_putts("bank", directions=7, speeds=3)
+    part = simulate_putts("bank", directions=7, speeds=3, direction_range=range(2, 5))
     assert part.directions.tobytes() == whole.directions[2:5].tobytes()
-    for some, every in zip(part.outcome, whole.outcome, strict=True):
-        assert some.tobytes() == every[2:5].tobytes()
+    for part_field, whole_field in zip(part.outcome, whole.outcome, strict=True):
+        assert part_field.tobytes() == whole_field[2:5].tobytes()
 
 
-def test_a_map_is_drawn_on_axes_and_written(tmp_path: Path) -> None:
-    """From Python and as a picture."""
+def test_writes_map_and_draws_it_on_axes(tmp_path: Path) -> None:
+    """The file is an image; the title has the number of putts."""
     from matplotlib.figure import Figure
 
     path = tmp_path / "maps" / "map.png"
@@ -44,24 +45,26 @@ def test_a_map_is_drawn_on_axes_and_written(tmp_path: Path) -> None:
     assert "144 putts" in axes.get_title()
 
 
-def test_a_tee_in_a_wall_is_refused() -> None:
-    """As the environment does."""
+def test_rejects_tee_inside_wall() -> None:
+    """The error is that of the environment."""
     with pytest.raises(ValueError, match="expected a ball in free space"):
-        simulate("dogleg", tee=(3.3, 1.5), directions=4, speeds=2)
+        simulate_putts("dogleg", tee=(3.3, 1.5), directions=4, speeds=2)
 
 
-def test_maps_that_cannot_be_are_refused_before_the_putts(tmp_path: Path) -> None:
-    """No directions, or a picture of no known kind."""
+def test_rejects_invalid_arguments_before_simulating(tmp_path: Path) -> None:
+    """No directions, or an unknown file ending."""
     with pytest.raises(ValueError, match=r"directions and speeds >= 1, received \(0, 2\)"):
-        simulate("dogleg", directions=0, speeds=2)
+        simulate_putts("dogleg", directions=0, speeds=2)
     with pytest.raises(ValueError, match=r"output: the file's ending: expected one of .*'png'.*received 'pgn'"):
         write_map(tmp_path / "map.pgn", "dogleg")
 
 
 @pytest.mark.parametrize("tee", ["0.3", "a,b", "0.3,0.6,1", "0.3,nan"])
-def test_a_tee_is_two_numbers(tee: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Anything else is one line, and no picture."""
+def test_command_rejects_tee_that_is_not_two_numbers(
+    tee: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The error is one line, and no file is written."""
     with pytest.raises(SystemExit) as caught:
         cli.main(["map", "-o", str(tmp_path / "map.png"), "--tee", tee])
-    assert caught.value.code == cli.FAILED and capsys.readouterr().err.count("\n") == 1
+    assert caught.value.code == cli.EXIT_FAILED and capsys.readouterr().err.count("\n") == 1
     assert not list(tmp_path.iterdir())

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from agents import putt_map
-from minigolf_env.apps.putt_map import simulate
+from minigolf_env.apps.putt_map import simulate_putts
 from minigolf_env.envs.task import Result
 from minigolf_env.physics import TriangleMesh
 
@@ -45,7 +45,7 @@ def test_it_is_the_map_of_one_process_after_an_interruption_too(
     assert {file: file.stat().st_mtime_ns for file in before} == before
     files = [np.load(putt_map.file_of(args.out, among)) for among in putt_map.shards(args)]
     assert len(files) == 5
-    local = simulate(args.course, directions=args.directions, speeds=args.speeds).outcome
+    local = simulate_putts(args.course, directions=args.directions, speeds=args.speeds).outcome
     for name, expected in (("result", local.result.astype(np.uint8)), ("position", local.position.astype(np.float32))):
         assert np.concatenate([file[name] for file in files]).tobytes() == expected.tobytes()
     assert merged["counts"].tolist() == np.bincount(local.result.ravel(), minlength=len(Result)).tolist()

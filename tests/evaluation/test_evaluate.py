@@ -92,7 +92,7 @@ def test_command_reports_invalid_argument_without_traceback(
     """The program exits with the error message."""
     with pytest.raises(SystemExit) as caught:
         cli.main(["evaluate", *words])
-    assert caught.value.code == cli.FAILED and message in capsys.readouterr().err
+    assert caught.value.code == cli.EXIT_FAILED and message in capsys.readouterr().err
 
 
 def test_watching_does_not_change_result(display: str, tmp_path: Path) -> None:
