@@ -32,6 +32,7 @@ from torch.nn.functional import binary_cross_entropy_with_logits, mse_loss, soft
 from agents import runs
 from minigolf_env._atomic_io import atomic_write
 from minigolf_env.courses.procedural import PROCEDURAL_COURSE
+from minigolf_env.envs.rewards import shaping_potential
 from minigolf_env.envs.task import TaskBatch
 from minigolf_env.evaluation.evaluate import EvaluationResult
 from minigolf_env.players.mlp import MLP, Layer
@@ -204,7 +205,7 @@ class Training:
         directions, rolls = self.around(optimize_putt(seen, judge.expected_strokes, TRAINING_PUTT_GRID, rng))
         outcome = envs.what_if(putt_actions(*self.disturb(directions, rolls)))  # type: ignore[attr-defined]
         tasks: TaskBatch = envs.task_batch  # type: ignore[attr-defined]
-        left = -tasks.potential(outcome.position.swapaxes(0, 1)).T
+        left = -shaping_potential(tasks, outcome.position.swapaxes(0, 1)).T
         rows, tries = np.arange(len(seen)), rng.integers(args.tries, size=len(seen))
         played = rows, np.where(rng.random(len(seen)) < args.greedy, 0, tries)
         self.seen[k] = envs.step(putt_actions(directions[played], rolls[played]))[0]

@@ -1,4 +1,7 @@
-"""The door of the environments: their arguments are checked here once and become a Task."""
+"""Arguments of the environments: they are validated here once, and become an ``EnvConfig``.
+
+The arguments of reset, step and set_state are validated by the functions at the end.
+"""
 
 from __future__ import annotations
 
@@ -24,8 +27,9 @@ from minigolf_env.courses.procedural import (
 )
 from minigolf_env.envs.hole_params import HoleParams
 from minigolf_env.envs.observations import OBSERVATIONS, ObservationType
+from minigolf_env.envs.rewards import RewardFunction, build_reward
 from minigolf_env.envs.samplers import LevelSampler, SequentialTasks, SingleTask, TaskSampler
-from minigolf_env.envs.task import REWARDS, FloatArray, Task
+from minigolf_env.envs.task import FloatArray, Task
 from minigolf_env.physics import World
 from minigolf_env.physics.world import IMPACT_MODELS
 from minigolf_env.rendering import CAMERA_NAMES, RENDER_PROFILES, RenderSettings, check_size
@@ -34,11 +38,11 @@ TEE_CHOICES = ("random", "fixed")
 
 NOISE_HINT = "give the standard deviations of direction (degrees) and speed (share of it)."
 POSITION_HINT = "give the ball's centre, m."
-PUTT = "a putt is a vector x, y; its length, up to 1, is the share of the top speed."
+ACTION_HINT = "a putt is a vector x, y; its length, up to 1, is the share of the top speed."
 
 
 class EnvOptions(TypedDict, total=False):
-    """Further arguments of an environment; MiniGolfEnv's docstring says what they mean."""
+    """Keyword arguments of an environment; the docstring of MiniGolfEnv gives their meaning."""
 
     observation: str
     render_size: tuple[int, int]
@@ -48,7 +52,7 @@ class EnvOptions(TypedDict, total=False):
     difficulty: str | None
     start_level: int | None
     num_levels: int | None
-    reward: str
+    reward: str | RewardFunction
     max_strokes: int
     tee: str
     top_speed: float | None
@@ -59,12 +63,16 @@ class EnvOptions(TypedDict, total=False):
 
 
 class EnvConfig(NamedTuple):
-    """What an environment's arguments describe."""
+    """The validated arguments of an environment."""
 
-    tasks: TaskSampler
-    observer: ObservationType
-    settings: RenderSettings
-    """How it shows itself."""
+    sampler: TaskSampler
+    """Source of the tasks that episodes play."""
+    observation: ObservationType
+    """Space and function of the observations."""
+    reward: RewardFunction
+    """Function of the rewards."""
+    render_settings: RenderSettings
+    """Settings of the pictures or the window."""
 
 
 def build_env_config(
@@ -73,17 +81,18 @@ def build_env_config(
     render_mode: str | None,
     *,
     observation: str = "state",
+    reward: str | RewardFunction = "shaped",
     render_size: tuple[int, int] = (640, 480),
     camera: str = "follow",
     render_profile: str = "auto",
     render_speed: float = 1.0,
     **rules: Any,
 ) -> EnvConfig:
-    """Return what an environment's arguments describe; MiniGolfEnv's docstring says what they mean.
+    """Validate an environment's arguments; the docstring of MiniGolfEnv gives their meaning.
 
     Raises:
-        TypeError: there is no such argument.
-        ValueError: an argument is not what it should be.
+        TypeError: an argument is unknown.
+        ValueError: an argument has a wrong value.
     """
     names = ("num_envs", "autoreset_mode", "course", "render_mode", *EnvOptions.__annotations__)
     for name in rules.keys() - set(names):
@@ -97,8 +106,8 @@ def build_env_config(
         profile=one_of(render_profile, RENDER_PROFILES, "render_profile"),
         speed=positive_number(render_speed, "render_speed", "1 is real time."),
     )
-    observer = OBSERVATIONS[one_of(observation, tuple(OBSERVATIONS), "observation")]
-    return EnvConfig(build_task_sampler(course, **rules), observer, settings)
+    observation_type = OBSERVATIONS[one_of(observation, tuple(OBSERVATIONS), "observation")]
+    return EnvConfig(build_task_sampler(course, **rules), observation_type, build_reward(reward), settings)
 
 
 def build_task_sampler(
@@ -109,14 +118,14 @@ def build_task_sampler(
     num_levels: int | None = None,
     **rules: Any,
 ) -> TaskSampler:
-    """Return what an environment's arguments draw holes from.
+    """Return the sampler of the tasks that an environment's arguments describe.
 
     Raises:
-        TypeError: there is no such argument.
-        ValueError: an argument is not what it should be, or of levels while the course has none.
+        TypeError: an argument is unknown.
+        ValueError: an argument has a wrong value, or is for levels while the course has none.
     """
-    chosen = {"difficulty": difficulty, "start_level": start_level, "num_levels": num_levels}
-    given: dict[str, Any] = {name: value for name, value in chosen.items() if value is not None}
+    level_arguments = {"difficulty": difficulty, "start_level": start_level, "num_levels": num_levels}
+    given: dict[str, Any] = {name: value for name, value in level_arguments.items() if value is not None}
     if course != PROCEDURAL_COURSE:
         if given:
             raise ValueError(
@@ -124,18 +133,16 @@ def build_task_sampler(
                 f"received {given} with {course!r:.80}."
             )
         return _build_round(rules) if course == ROUND_COURSE else SingleTask(build_task(_check_name(course), **rules))
-    known = one_of(given.get("difficulty", DIFFICULTY_NAMES[0]), DIFFICULTY_NAMES, "difficulty")
-    levels = LevelSampler(
-        functools.partial(_build_level, known, rules), given.get("start_level", 0), given.get("num_levels", 500)
-    )
-    levels.default()  # What is wrong with the rules is said here, not at the first reset.
+    difficulty = one_of(given.get("difficulty", DIFFICULTY_NAMES[0]), DIFFICULTY_NAMES, "difficulty")
+    build = functools.partial(_build_level, difficulty, rules)
+    levels = LevelSampler(build, given.get("start_level", 0), given.get("num_levels", 500))
+    levels.default()  # Raises an error of the rules here, not at the first reset.
     return levels
 
 
 def build_task(
     course: str | Course = "dogleg",
     *,
-    reward: str = "shaped",
     max_strokes: int = 10,
     tee: str = "random",
     top_speed: float | None = None,
@@ -144,26 +151,25 @@ def build_task(
     dt: float = 1 / 120,
     impact: str = "average",
 ) -> Task:
-    """Return the course and the rules that an environment's arguments describe.
+    """Return the task that an environment's arguments describe: a course with its rules.
 
     Raises:
-        ValueError: an argument is not what it should be.
+        ValueError: an argument has a wrong value.
     """
-    golf = load_course(course, cup_radius=cup_radius)
-    if golf.cup is None:
+    loaded = load_course(course, cup_radius=cup_radius)
+    if loaded.cup is None:
         raise ValueError(
-            f"course: expected one with a cup, received {golf.name!r}; "
+            f"course: expected one with a cup, received {loaded.name!r}; "
             "load_course(...).world() throws a ball in a room without golf."
         )
-    speed = golf.top_speed if top_speed is None else top_speed
+    speed = loaded.top_speed if top_speed is None else top_speed
     speed = positive_number(speed, "top_speed", "give the launch speed of a full putt in m/s.")
     return Task(
-        courses=(golf,),
-        params=HoleParams.from_course(golf, speed),
-        world=_world(
-            golf, positive_number(dt, "dt", "1/120 s suits minigolf."), one_of(impact, IMPACT_MODELS, "impact")
+        courses=(loaded,),
+        params=HoleParams.from_course(loaded, speed),
+        world=_cached_world(
+            loaded, positive_number(dt, "dt", "1/120 s suits minigolf."), one_of(impact, IMPACT_MODELS, "impact")
         ),
-        reward=one_of(reward, REWARDS, "reward"),
         max_strokes=integer(max_strokes, "max_strokes", 1),
         random_tee=one_of(tee, TEE_CHOICES, "tee") == "random",
         putt_noise=check_noise(putt_noise),
@@ -171,18 +177,19 @@ def build_task(
 
 
 def _check_name(course: str | Course) -> str | Course:
-    """Return a course that is no unknown name, or raise a ValueError: unlike load_course's, it knows sets of holes."""
+    """Return the course, or raise a ValueError for an unknown name that lists "round" and "procedural", too."""
     if isinstance(course, str) and not Path(course).suffix and not is_level_name(course):
         return one_of(course, (*list_courses(), ROUND_COURSE, PROCEDURAL_COURSE, *ROOM_NAMES), "course")
     return course
 
 
 def _build_round(rules: dict[str, Any]) -> SequentialTasks:
-    """Return the round; what is wrong with the rules is said here, not at a later hole."""
-    nine = SequentialTasks(functools.partial(_build_hole, rules), len(ROUND_HOLES))
-    for number in range(1, 1 + (1 if rules.get("cup_radius") is None else nine.number)):
-        nine.get(number)
-    return nine
+    """Return the sampler of the round; errors of the rules are raised here, not at a later hole."""
+    tasks = SequentialTasks(functools.partial(_build_hole, rules), len(ROUND_HOLES))
+    num_checked = 1 if rules.get("cup_radius") is None else tasks.count  # Only the cup's radius depends on the hole.
+    for number in range(1, 1 + num_checked):
+        tasks.get(number)
+    return tasks
 
 
 def _build_hole(rules: dict[str, Any], number: int) -> Task:
@@ -194,31 +201,31 @@ def _build_level(difficulty: str, rules: dict[str, Any], level: int) -> Task:
 
 
 def check_actions(actions: ArrayLike, shape: tuple[int | None, ...]) -> FloatArray:
-    """Return putts of a shape such as (2,) as an array, or raise a ValueError."""
-    return finite_array(actions, shape, "action", PUTT)
+    """Return actions of a shape such as (2,) as an array, or raise a ValueError."""
+    return finite_array(actions, shape, "action", ACTION_HINT)
 
 
 def check_position(task: Task, position: ArrayLike) -> FloatArray:
-    """Return a ball's centre (3,) as an array if the ball can lie there, or raise a ValueError."""
+    """Return a ball's centre (3,) as an array if a ball can be there, or raise a ValueError."""
     ball = finite_array(position, (3,), "position", POSITION_HINT)
     check_positions(task, ball)
     return ball
 
 
-def check_positions(task: Task, balls: FloatArray) -> None:
-    """Raise a ValueError unless balls (3,) or (N, 3) can lie there: in free space within the bounds."""
-    task.world.check_collision_free(balls)
+def check_positions(task: Task, positions: FloatArray) -> None:
+    """Raise a ValueError unless balls at (3,) or (N, 3) are in free space within the bounds."""
+    task.world.check_collision_free(positions)
     lower, upper = np.asarray(task.course.bounds)
-    outside = ((balls < lower) | (balls > upper)).any(axis=-1)
+    outside = ((positions < lower) | (positions > upper)).any(axis=-1)
     if outside.any():
         raise ValueError(
             f"position: expected a place within the course's bounds {lower.tolist()} to {upper.tolist()}, "
-            f"received {balls[outside].reshape(-1, 3)[0].tolist()}; the ball would be out of bounds."
+            f"received {positions[outside].reshape(-1, 3)[0].tolist()}; the ball would be out of bounds."
         )
 
 
 def check_autoreset(mode: str | AutoresetMode) -> AutoresetMode:
-    """Return when a batch resets, or raise a ValueError."""
+    """Return an autoreset mode, or raise a ValueError."""
     known = [m.value for m in AutoresetMode]
     if mode not in known and mode not in list(AutoresetMode):
         raise ValueError(f"autoreset_mode: expected one of {known}, received {mode!r}.")
@@ -226,7 +233,7 @@ def check_autoreset(mode: str | AutoresetMode) -> AutoresetMode:
 
 
 def check_options(options: Any, *known: str) -> dict[str, Any]:
-    """Return a copy of the options of a reset, which may have these keys, or raise a ValueError."""
+    """Return a copy of reset's options, a dict of known keys, or raise a ValueError."""
     given = {} if options is None else options
     if not isinstance(given, dict):
         raise ValueError(f"options: expected a dict or None, received {given!r:.80}.")
@@ -237,7 +244,7 @@ def check_options(options: Any, *known: str) -> dict[str, Any]:
 
 
 def check_mask(mask: Any, n: int) -> NDArray[np.int64]:
-    """Return which of n environments a mask (n,) chooses, all without one; or raise a ValueError."""
+    """Return the indices of the environments that a mask (n,) selects, all for None, or raise a ValueError."""
     if mask is None:
         return np.arange(n)
     if not (isinstance(mask, np.ndarray) and mask.dtype == np.bool_ and mask.shape == (n,) and mask.any()):
@@ -245,8 +252,8 @@ def check_mask(mask: Any, n: int) -> NDArray[np.int64]:
     return np.flatnonzero(mask)
 
 
-def one_each(value: Any, n: int, what: str) -> list[Any]:
-    """Return the values of n environments from a sequence of them, or raise a ValueError."""
+def one_per_env(value: Any, n: int, what: str) -> list[Any]:
+    """Return a sequence of n values, one for each environment, as a list, or raise a ValueError."""
     values = list(value) if isinstance(value, (Sequence, np.ndarray)) and not isinstance(value, str) else None
     if values is None or len(values) != n:
         received = f"{value!r:.80}" if values is None else f"{len(values)}"
@@ -255,7 +262,7 @@ def one_each(value: Any, n: int, what: str) -> list[Any]:
 
 
 def check_noise(value: tuple[float, float]) -> tuple[float, float]:
-    """Return standard deviations of direction (degrees) and speed (share of it), or raise a ValueError."""
+    """Return the standard deviations of a putt's direction (degrees) and speed (share of it), or raise a ValueError."""
     degrees, share = finite_array(value, (2,), "putt_noise", NOISE_HINT).tolist()
     if degrees < 0.0 or share < 0.0:
         raise ValueError(f"putt_noise: expected numbers >= 0, received {value!r}; {NOISE_HINT}")
@@ -263,7 +270,7 @@ def check_noise(value: tuple[float, float]) -> tuple[float, float]:
 
 
 @functools.lru_cache(maxsize=LEVEL_CACHE_SIZE)
-def _world(course: Course, dt: float, impact: str) -> World:
-    """Return the course's world; worlds are immutable, so environments share them."""
+def _cached_world(course: Course, dt: float, impact: str) -> World:
+    """Return the course's world; environments share worlds, which are immutable."""
     world: World = course.world(dt=dt, impact=impact)
     return world

@@ -1,4 +1,4 @@
-"""The state of an episode as plain values, the same for an environment alone and for one of a batch."""
+"""The state of an episode as plain values, the same for a single environment and for one environment of a batch."""
 
 from __future__ import annotations
 
@@ -15,56 +15,58 @@ from minigolf_env.envs.task import FloatArray, Task
 
 
 class EpisodeState(NamedTuple):
-    """Where an episode stands."""
+    """The decoded state of an episode."""
 
     task: Task
-    """The hole it is played on."""
+    """The task it plays."""
     position: FloatArray
     """(3,) the ball's centre, m."""
     strokes: int
+    """Number of strokes played."""
     over: bool
+    """True if the episode has ended."""
     np_random: dict[str, Any] | None
-    """The state of its random numbers; None: they go on as they are."""
+    """State of its random number generator; None: the generator stays as it is."""
 
 
-def task_index_info(tasks: TaskSampler, task: Task) -> dict[str, int]:
-    """Return the number of a level, or of a round's hole, by its key; nothing on a hole without."""
-    return {} if task.index is None else {tasks.index_name: task.index}
+def task_index_info(sampler: TaskSampler, task: Task) -> dict[str, int]:
+    """Return the number of a level or of a hole of a round by its key; an empty dict for a task without a number."""
+    return {} if task.index is None else {sampler.index_name: task.index}
 
 
 def encode_state(
-    tasks: TaskSampler, task: Task, position: FloatArray, strokes: int, over: bool, rng: np.random.Generator
+    sampler: TaskSampler, task: Task, position: FloatArray, strokes: int, over: bool, rng: np.random.Generator
 ) -> dict[str, Any]:
-    """Return the state of an episode, all that it takes to go on from there: plain values, a copy."""
+    """Return the state of an episode: a copy in plain values, all that is needed to resume it."""
     return {
         "position": tuple(position.tolist()),
         "strokes": strokes,
         "over": over,
-        **task_index_info(tasks, task),
+        **task_index_info(sampler, task),
         "np_random": rng.bit_generator.state,
     }
 
 
-def decode_state(state: Any, tasks: TaskSampler, task: Task) -> EpisodeState:
-    """Return the episode of a state, played on ``task`` if the state has no "level" or "hole".
+def decode_state(state: Any, sampler: TaskSampler, task: Task) -> EpisodeState:
+    """Return the decoded state of an episode, which plays ``task`` if the state has no "level" or "hole".
 
-    The ball's position is not checked here but by ``check_episode_positions``.
+    ``check_episode_positions`` checks that the ball is in free space.
 
     Raises:
-        ValueError: a value is not what it should be.
+        ValueError: a key is unknown, or a value is wrong.
     """
-    known = {"position", "strokes", "over", "np_random", tasks.index_name}
+    known = {"position", "strokes", "over", "np_random", sampler.index_name}
     if not isinstance(state, dict) or "position" not in state or not known.issuperset(state):
         received = sorted(map(str, state)) if isinstance(state, dict) else f"{state!r:.80}"
         raise ValueError(f"state: expected 'position' and what get_state() returns, received {received}.")
     over = state.get("over", False)
     if not isinstance(over, (bool, np.bool_)):
         raise ValueError(f"over: expected True or False, received {over!r:.80}.")
-    task = tasks.get(state[tasks.index_name]) if tasks.index_name in state else task
+    task = sampler.get(state[sampler.index_name]) if sampler.index_name in state else task
     position = finite_array(state["position"], (3,), "position", POSITION_HINT)
-    most = task.max_strokes if over else task.max_strokes - 1
+    max_strokes = task.max_strokes if over else task.max_strokes - 1
     hint = "" if over else f"after {task.max_strokes} an episode is over."
-    strokes = integer(state.get("strokes", 0), "strokes", 0, most, hint)
+    strokes = integer(state.get("strokes", 0), "strokes", 0, max_strokes, hint)
     generator: Any = state.get("np_random")
     if "np_random" in state:
         try:
@@ -78,13 +80,14 @@ def decode_state(state: Any, tasks: TaskSampler, task: Task) -> EpisodeState:
 
 
 def check_episode_positions(episodes: Sequence[EpisodeState]) -> None:
-    """Raise a ValueError unless the balls of all episodes that are not over lie in free space within the bounds."""
+    """Raise a ValueError unless the balls of all episodes that have not ended are in free space within the bounds."""
     playing = [i for i, episode in enumerate(episodes) if not episode.over]
-    holes = {episodes[i].task.world: episodes[i].task for i in playing}
+    tasks = {episodes[i].task.world: episodes[i].task for i in playing}
     try:
-        for world, task in holes.items():  # All balls of a world at once take a fraction of the time.
+        for world, task in tasks.items():  # Checking all balls of a world at once takes a fraction of the time.
             check_positions(task, np.array([episodes[i].position for i in playing if episodes[i].task.world is world]))
     except ValueError:
+        # Find the first state with an error, to name it.
         for i in playing:
             with error_context(i):
                 check_positions(episodes[i].task, episodes[i].position)
@@ -93,7 +96,7 @@ def check_episode_positions(episodes: Sequence[EpisodeState]) -> None:
 
 @contextmanager
 def error_context(i: int) -> Iterator[None]:
-    """Let a ValueError say which of several states it is about."""
+    """Prefix a ValueError with the number of the state that it is about."""
     try:
         yield
     except ValueError as error:

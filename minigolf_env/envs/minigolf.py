@@ -6,6 +6,7 @@ from typing import Any, Unpack
 
 import gymnasium as gym
 import numpy as np
+from gymnasium.envs.registration import EnvSpec
 from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
@@ -19,7 +20,10 @@ from minigolf_env.envs.config import (
     check_positions,
 )
 from minigolf_env.envs.episode_state import decode_state, encode_state, task_index_info
-from minigolf_env.envs.task import FloatArray, Outcome, Result, action_space
+from minigolf_env.envs.infos import single_info
+from minigolf_env.envs.rewards import explain_unserializable
+from minigolf_env.envs.stroke import play_stroke
+from minigolf_env.envs.task import FloatArray, Outcome, action_space
 from minigolf_env.rendering import RENDER_FPS, RENDER_MODES, EpisodeRenderer, RenderContext
 
 Observation = NDArray[Any]
@@ -27,95 +31,106 @@ Action = NDArray[np.float32]
 
 
 class MiniGolfEnv(gym.Env[Observation, Action]):
-    """Minigolf on a course of closed triangle meshes, with an exactly simulated ball: one step is one putt.
+    """Minigolf with an exactly simulated ball on a course of closed triangle meshes. One step is one putt.
 
-    ## Action space
-    ``Box(-1, 1, (2,), float32)``: the putt vector in the horizontal plane. Its direction is where the ball is struck,
-    its length, clipped to 1, the share of the top speed. The step runs the whole putt: until the ball rests, drops into
-    the cup or leaves the course.
+    ## Description
+    The agent sees where the ball lies, chooses a putt, and sees where the ball comes to rest. A step simulates the
+    whole putt: until the ball rests, drops into the cup or leaves the course. The goal is to hole out in as few strokes
+    as possible.
 
-    ## Observation space
-    ``Box(-1, 1, (10,), float32)``:
+    ## Action Space
+    ``Box(-1, 1, (2,), float32)``: the putt as a vector in the xy-plane. Its direction is the direction of the putt; its
+    length, clipped to 1, is the launch speed as a share of the top speed.
+
+    ## Observation Space
+    ``observation="state"``, the default, is ``Box(-1, 1, (10,), float32)``:
 
     | Number | Meaning | Scale |
     |---|---|---|
-    | 0, 1, 2 | the ball's x, y, z | -1 and 1 at the course's bounds |
-    | 3, 4, 5 | x, y, z of the way from the ball to the cup's rim | 1 is the bounds' diagonal in plan |
-    | 6, 7 | horizontal direction to the cup, as long as number 8: a straight putt is a multiple of it | as number 8 |
-    | 8 | square root of the horizontal distance to the cup, which the speed it takes goes with | 1 is the diagonal |
-    | 9 | strokes left | 1 at the tee, 0 after the last |
+    | 0, 1, 2 | x, y and z of the ball | -1 and 1 at the course's bounds |
+    | 3, 4, 5 | x, y and z from the ball to the centre of the cup's rim | 1 is the bounds' diagonal in the xy-plane |
+    | 6, 7 | horizontal direction to the cup, with the length of number 8: a straight putt is a multiple of it | as 8 |
+    | 8 | square root of the horizontal distance to the cup; the launch speed grows with it | 1 is the diagonal |
+    | 9 | share of the strokes that is left | 1 at the tee, 0 after the last |
 
-    With ``observation="rays"`` it is ``Box(-1, 1, (48,), float32)``: these numbers; the way that the ball has free in
-    32 horizontal directions, the first along x, counter-clockwise, 1 is 4 m or more; how far below it the ground is, 1
-    is 0.5 m or more; the slope of the ground along x and y; and, in the same scale on every hole, numbers 6 and 7, 1 is
-    8 m or more, and the cup's height above the ball, m.
+    ``observation="rays"`` is ``Box(-1, 1, (48,), float32)``: numbers 0 to 9; the free distance of the ball in 32
+    horizontal directions, the first along x, counter-clockwise, 1 is 4 m or more; the depth of the ground below the
+    ball, 1 is 0.5 m or more; the slope of the ground along x and y; numbers 6 and 7 in a scale that is the same on
+    every hole, 1 is 8 m or more; and the height of the cup's rim above the ball's centre, m.
 
-    With ``observation="bounce_rays"`` it is ``Box(-1, 1, (2320,), float32)``: numbers 0 to 9; the ground and cup
-    numbers of "rays"; and for each of 96 rays, which follow the ground and are reflected off up to three walls, four
-    segments of six numbers each: where the segment ends, x and y from the ball, 1 is 16 m; the wall's normal there, x
-    and y; the height of the end and the greatest height so far, m.
+    ``observation="bounce_rays"`` is ``Box(-1, 1, (2320,), float32)``: numbers 0 to 9; the ground and cup numbers of
+    "rays"; and for each of 96 rays, which follow the ground and are reflected off up to three walls, four segments of
+    six numbers: x and y of the segment's end from the ball, 1 is 16 m; x and y of the wall's normal there; the height
+    of the end and the greatest height so far, m.
 
-    With ``observation="pixels"`` it is ``Box(0, 255, (84, 84, 3), uint8)``: the course from above, x to the right and y
-    up, the ball drawn large enough to be seen; the white share of the lowest two rows is the share of strokes left.
+    ``observation="pixels"`` is ``Box(0, 255, (84, 84, 3), uint8)``: an image of the course from above, x to the right
+    and y up. The ball is enlarged to be visible. In the lowest two rows the white share is the share of strokes left.
 
-    ## Reward
-    "strokes": -1 a stroke, so that the return is minus the score. "shaped": the same plus the change of a potential,
-    minus (1 + 0.3 a metre along the course to the cup), zero when the episode has ended. Its sum over an episode does
-    not depend on the strokes played, so that the best policy is the same, and each stroke learns what it was worth.
+    ## Rewards
+    ``reward="strokes"`` is -1 a stroke, so that the return is minus the score. ``reward="shaped"``, the default, adds
+    the change of a potential: minus (1 + 0.3 for each metre along the course to the cup), and zero when the episode has
+    ended. Over an episode the changes add up to a constant, so that the best policy is the same; and each stroke is
+    rewarded at once for what it gained. ``reward`` may also be a function of your own, see
+    ``minigolf_env.envs.rewards``.
 
-    ## Start
-    The ball lies in the tee box: at a uniformly random place, or in its middle (``tee="fixed"``).
+    ## Starting State
+    The ball is in the tee box: at a uniformly random place, or in its middle with ``tee="fixed"``.
     ``reset(options={"position": (x, y, z)})`` starts with the ball's centre there.
 
-    With ``course="procedural"`` every episode is played on a level drawn from a set: ``num_levels`` of them from
-    ``start_level`` on. Levels outside the set are for tests. ``reset(options={"level": 17})`` plays any level.
+    With ``course="procedural"`` each reset draws a level from the set ``start_level`` ... ``start_level + num_levels -
+    1``; ``reset(options={"level": 17})`` plays any level. The name of a level, which ``load_course`` takes too, is in
+    info's "course".
 
-    With ``course="round"`` the nine holes of ``minigolf_env.courses.ROUND_HOLES`` are played in turn, an episode
-    each, then the first again. A reset with a seed begins with the first; ``reset(options={"hole": 3})`` plays the
-    third, and goes on from there.
+    With ``course="round"`` the nine holes of ``minigolf_env.courses.ROUND_HOLES`` are played in turn, an episode each,
+    and then the first again. A reset with a seed starts with the first hole; ``reset(options={"hole": 3})`` plays the
+    third, and the next reset the fourth.
 
-    ## End
-    ``terminated`` when the ball is in the cup, and after ``max_strokes`` (a rule of the game: the strokes left are
-    observed). ``truncated`` is always False. The cup is a hole in the floor's mesh; the ball is holed when it rests in
-    it, or is below the rim without the energy to come out. A ball out of bounds, or one that does not come to rest
-    within 30 s, is put back where it was struck, and the stroke counts.
+    ## Episode End
+    ``terminated`` is true when the ball is in the cup, and after ``max_strokes``: a rule of the game, so that the
+    strokes left are observed. ``truncated`` is always false. The cup is a hole in the floor's mesh. The ball is holed
+    when it rests in the cup, or is below the rim without the energy to come out. A ball out of bounds, or one that does
+    not come to rest within 30 s, is put back where it was struck, and the stroke counts.
 
     ## Info
-    ``strokes`` (int) of the episode, ``is_success`` (bool) whether the ball is holed, ``status`` (str) of the last
-    stroke: "tee", "rest", "holed", "out_of_bounds" or "time_limit", ``shot_time`` (float, s) and ``bounces`` (int) of
-    the last stroke, ``course`` (str), on levels ``level`` (int), and on a round ``hole`` (int), from 1 on. The par of
-    what was played is ``minigolf_env.courses.par_of(info["course"])``.
+    ``strokes`` (int): strokes of the episode. ``is_success`` (bool): the ball is holed. ``status`` (str): result of the
+    last stroke, "tee", "rest", "holed", "out_of_bounds" or "time_limit". ``shot_time`` (float): how long the ball moved
+    in the last stroke, s. ``bounces`` (int): impacts of the last stroke. ``course`` (str): name of the hole. ``level``
+    (int): number of the level, on levels only. ``hole`` (int): number of the hole, from 1 on, in a round only.
+    ``minigolf_env.courses.par_of(info["course"])`` returns the par.
+
+    ## Arguments
 
     Args:
         course: a name of ``minigolf_env.courses.list_courses()``; a course file; "round"; "procedural"; or a Course
             with a cup.
-        difficulty: of the levels, "easy" (default), "medium" or "hard"; these three go with "procedural" only.
-        start_level: the first level of the set, 0 by default.
-        num_levels: levels in the set, 500 by default; 0: all there are, 2**31.
-        render_mode: None; "rgb_array": ``render()`` returns a picture (height, width, 3), uint8, of where the ball lies
-            and how it came there; "rgb_array_list": ``render()`` returns the pictures of all putts since the last call
-            or the reset, 30 a second; "human": ``step()`` shows the putt in a window, in real time.
-        render_size: width and height of the pictures or the window, pixels.
+        difficulty: difficulty of the levels, "easy" (default), "medium" or "hard"; this argument and the next two are
+            for "procedural" only.
+        start_level: first level of the set; default 0.
+        num_levels: number of levels in the set; default 500; 0: all levels that exist, 2**31.
+        render_mode: None; "rgb_array": ``render()`` returns an image (height, width, 3), uint8, of the ball at rest and
+            the line of its last putt; "rgb_array_list": ``render()`` returns the images of all putts since the last
+            call or the reset, 30 a second; "human": ``step()`` shows the putt in a window, in real time.
+        render_size: width and height of the images or the window, pixels.
         camera: "follow" (from behind the ball), "top", "tee" (from behind the tee), "orbit" (turning around the
             course).
-        render_profile: "high", with smooth edges; "fast"; or "auto": "high", but "fast" in a window drawn without a
-            GPU.
-        render_speed: how much faster than real time the window shows a putt.
-        reward: "shaped" or "strokes".
+        render_profile: "high", with smooth edges; "fast"; or "auto", which is "high", but "fast" in a window drawn
+            without a GPU.
+        render_speed: speed of the putts in the window; 1 is real time.
+        reward: "shaped", "strokes" or a function.
         observation: "state", "rays", "bounce_rays" or "pixels".
-        max_strokes: strokes after which an episode ends, at least 1.
+        max_strokes: number of strokes after which an episode ends, at least 1.
         tee: "random" or "fixed".
-        top_speed: launch speed of a full putt, m/s; None: the course's.
-        cup_radius: m; None: the course's.
+        top_speed: launch speed of a full putt, m/s; None: that of the course.
+        cup_radius: radius of the cup, m; None: that of the course.
         putt_noise: standard deviations of a putt's direction (degrees) and speed (share of it), drawn from
             ``np_random``.
         dt: time step of the physics, s.
         impact: "average" or "conservative", see ``minigolf_env.physics.World``.
 
     Raises:
-        ValueError: an argument, action or state is not what it should be; nothing has changed then.
+        ValueError: an argument, action or state has a wrong value; nothing has changed then.
 
-    ## Version history
+    ## Version History
     v0: initial version.
     """
 
@@ -123,6 +138,7 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
         "render_modes": list(RENDER_MODES),
         "render_fps": RENDER_FPS,
     }
+    _spec: EnvSpec | None = None
 
     def __init__(
         self,
@@ -130,40 +146,61 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
         render_mode: str | None = None,
         **options: Unpack[EnvOptions],
     ) -> None:
-        self._sampler, self._observer, settings = build_env_config(course, RENDER_MODES, render_mode, **options)
+        config = build_env_config(course, RENDER_MODES, render_mode, **options)
+        self._sampler = config.sampler
+        self._observation = config.observation
+        self._reward = config.reward
         self.task = self._sampler.default()
         self.render_mode = render_mode
-        self.renderer = EpisodeRenderer(self._render_context(), settings)
+        self.renderer = EpisodeRenderer(self._render_context(), config.render_settings)
         self.action_space = action_space()
-        self.observation_space = self._observer.space()
+        self.observation_space = self._observation.space()
         self._position: FloatArray | None = None
         self._strokes = 0
         self._over = False
 
+    @property
+    def spec(self) -> EnvSpec | None:
+        """The spec that ``gym.make`` sets."""
+        return self._spec
+
+    @spec.setter
+    def spec(self, spec: EnvSpec | None) -> None:
+        self._spec = explain_unserializable(spec)
+
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Put the ball on the tee, or at ``options["position"]`` (3,), m; return (observation, info).
+        """Start an episode with the ball on the tee, or at ``options["position"]`` (3,), m.
 
-        ``options["level"]`` is the number of the level to play, of the training set or not; of a round it is
-        ``options["hole"]``.
+        ``options["level"]`` is the number of a level to play, in the set or not; ``options["hole"]`` that of a hole of
+        a round.
+
+        Returns:
+            The observation and the info.
         """
-        key = self._sampler.index_name
-        given = check_options(options, key, "position")
-        level, position = given.get(key), given.get("position")
-        if position is not None and level is None and self._sampler.is_indexed:
-            raise ValueError(f"position: expected with a '{key}', received none; it is a place on one {key}.")
-        task = None if level is None else self._sampler.get(level)
+        # Validate everything before anything changes.
+        index_name = self._sampler.index_name
+        given = check_options(options, index_name, "position")
+        index, position = given.get(index_name), given.get("position")
+        if position is not None and index is None and self._sampler.is_indexed:
+            raise ValueError(
+                f"position: expected with a '{index_name}', received none; it is a place on one {index_name}."
+            )
+        task = None if index is None else self._sampler.get(index)
         if position is not None:
             position = check_position(task or self.task, position)
         super().reset(seed=seed)
-        last = None if seed is not None or self._position is None else self.task
-        self.task = task or self._sampler.sample(self.np_random, last)
+        # Select the task and place the ball.
+        previous = None if seed is not None or self._position is None else self.task
+        self.task = task or self._sampler.sample(self.np_random, previous)
         if position is None:
             position = self.task.sample_start([self.np_random])[0]
-        self._position, self._strokes, self._over = position, 0, False
+        self._position = position
+        self._strokes = 0
+        self._over = False
         self.renderer.place_ball(position, self._render_context())
-        return self._observe(), self._info("tee", 0.0, 0, holed=False)
+        return self._observe(), self._info(None)
 
     def step(self, action: ArrayLike) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Play one putt; return (observation, reward, terminated, truncated, info)."""
@@ -171,22 +208,17 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
         if self._over:
             raise ResetNeeded("The episode is over; call reset() before the next step().")
         putt = check_actions(action, (2,))
-        draws = self.task.sample_noise([self.np_random]) if self.task.is_noisy else None
-        velocity = self.task.launch_velocity(putt[None], draws)
-        outcome = self.task.simulate(before[None], velocity)
-        holed = bool(outcome.holed[0])
-        self._position = outcome.position[0]
+        stroke = play_stroke(
+            self.task, self._reward, before[None], putt[None], np.array([self._strokes]), [self.np_random]
+        )
+        self._position = stroke.outcome.position[0]
         self._strokes += 1
-        self._over = holed or self._strokes >= self.task.max_strokes
-        potential = self.task.potential
-        reward = self.task.rewards(potential(before), potential(self._position), np.array(self._over))
-        status = Result(int(outcome.result[0])).name.lower()
-        info = self._info(status, float(outcome.time[0]), int(outcome.bounces[0]), holed=holed)
-        self.renderer.add_putt(before, velocity[0], self._position)
-        return self._observe(), float(reward), self._over, False, info
+        self._over = bool(stroke.ended[0])
+        self.renderer.add_putt(before, stroke.velocity[0], self._position)
+        return self._observe(), float(stroke.reward[0]), self._over, False, self._info(stroke.outcome)
 
     def render(self) -> Any:
-        """Return what the render mode promises: a picture, a list of pictures, or None."""
+        """Return an image, a list of images, or None, as the render mode has it."""
         self._ball()
         return self.renderer.render()
 
@@ -195,47 +227,47 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
         self.renderer.close()
 
     def what_if(self, actions: ArrayLike) -> Outcome:
-        """Return what putts (N, 2) from the present state would lead to, without noise and without moving the ball."""
+        """Return the outcome of putts (N, 2) from the present state, without noise and without moving the ball."""
         putts = check_actions(actions, (None, 2))
-        return self.task.simulate(np.tile(self._ball(), (len(putts), 1)), self.task.launch_velocity(putts))
+        positions = np.tile(self._ball(), (len(putts), 1))
+        return self.task.simulate(positions, self.task.launch_velocity(putts))
 
     def get_state(self) -> dict[str, Any]:
-        """Return the episode's state, all that ``set_state`` needs to go on from here: plain values, a copy."""
+        """Return the episode's state: a copy in plain values, all that ``set_state`` needs to resume the episode."""
         return encode_state(self._sampler, self.task, self._ball(), self._strokes, self._over, self.np_random)
 
     def set_state(self, state: dict[str, Any]) -> None:
-        """Go on from a state that ``get_state`` returned, or one with a "position" of your own (other keys optional).
+        """Resume an episode from a state of ``get_state``, or from a dict with a "position" and optional other keys.
 
         Raises:
-            ValueError: the ball would not lie in free space within the bounds, or a value is not what it should be.
+            ValueError: the ball would not be in free space within the bounds, or a value is wrong; nothing has changed
+                then.
         """
         episode = decode_state(state, self._sampler, self.task)
         if not episode.over:
             check_positions(episode.task, episode.position)
         if episode.np_random is not None:
             self.np_random.bit_generator.state = episode.np_random
-        self.task, self._position, self._strokes, self._over = episode[:4]
+        self.task = episode.task
+        self._position = episode.position
+        self._strokes = episode.strokes
+        self._over = episode.over
         self.renderer.place_ball(episode.position, self._render_context())
 
-    def _ball(self) -> NDArray[np.float64]:
+    def _ball(self) -> FloatArray:
+        """Return the ball's centre (3,), m, or raise before the first reset."""
         if self._position is None:
             raise ResetNeeded("Call reset() first: there is no ball on the course yet.")
         return self._position
 
     def _observe(self) -> Observation:
-        observed: Observation = self._observer.observe(self.task, self._ball()[None], np.array([self._strokes]))[0]
-        return observed
+        observations = self._observation.observe(self.task, self._ball()[None], np.array([self._strokes]))
+        observation: Observation = observations[0]
+        return observation
 
-    def _info(self, status: str, time: float, bounces: int, *, holed: bool) -> dict[str, Any]:
-        return {
-            "strokes": self._strokes,
-            "is_success": holed,
-            "status": status,
-            "shot_time": time,
-            "bounces": bounces,
-            "course": self.task.course.name,
-            **task_index_info(self._sampler, self.task),
-        }
+    def _info(self, outcome: Outcome | None) -> dict[str, Any]:
+        index = task_index_info(self._sampler, self.task)
+        return single_info(self._strokes, outcome, self.task.course.name, index)
 
     def _render_context(self) -> RenderContext:
         return RenderContext(self.task.course, self.task.simulate_path)

@@ -1,4 +1,4 @@
-"""Which hole an episode is played on: always the same one, the next of a round, or a level drawn from a set."""
+"""Task samplers: which task an episode plays. Always the same one, the next of a round, or a level drawn from a set."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from minigolf_env._validation import integer
 from minigolf_env.courses import ROUND_COURSE, ROUND_HOLES, Course
 from minigolf_env.envs.task import Task
 
-ALL = 2**31
-"""Levels there are: numbers from 0 that fit anywhere."""
+NUM_LEVELS = 2**31
+"""Number of levels of a difficulty: their numbers are the 32-bit integers from 0 on."""
 
 
 class SingleTask:
-    """Every episode is played on one hole.
+    """Every episode plays the same task.
 
     Args:
         task: the hole with its rules.
@@ -30,97 +30,93 @@ class SingleTask:
         self._task = task
 
     def default(self) -> Task:
-        """Return the hole."""
+        """Return the task."""
         return self._task
 
-    def sample(self, rng: np.random.Generator, last: Task | None) -> Task:
-        """Return the hole; draws nothing."""
+    def sample(self, rng: np.random.Generator, previous: Task | None) -> Task:
+        """Return the task; no random number is drawn."""
         return self._task
 
-    def get(self, number: Any) -> Task:
-        """Raise a ValueError: there are no levels."""
+    def get(self, index: Any) -> Task:
+        """Raise a ValueError: the course has no levels."""
         name = self._task.course.name
-        raise ValueError(f"level: expected none on the course {name!r}, received {number!r}; 'procedural' has.")
+        raise ValueError(f"level: expected none on the course {name!r}, received {index!r}; 'procedural' has.")
 
 
 @dataclass(frozen=True)
 class SequentialTasks:
-    """Holes played in turn: each episode on the next one, after the last on the first again."""
+    """Each episode plays the next task of a round; the first follows the last."""
 
     make: Callable[[int], Task]
-    """From a hole's number, 1 to ``number``, to the hole."""
-    number: int
+    """Make the task of a hole's number, from 1 to ``count``."""
+    count: int
+    """Number of holes."""
 
     is_indexed = True
     index_name = "hole"
 
     def default(self) -> Task:
-        """Return the first hole."""
+        """Return the first task."""
         return self.make(1)
 
-    def sample(self, rng: np.random.Generator, last: Task | None) -> Task:
-        """Return the hole after ``last``, the first if there was none; draws nothing."""
-        return self.make(1 if last is None or last.index is None else last.index % self.number + 1)
+    def sample(self, rng: np.random.Generator, previous: Task | None) -> Task:
+        """Return the task after the previous one, the first if there was none; no random number is drawn."""
+        if previous is None or previous.index is None:
+            return self.make(1)
+        return self.make(previous.index % self.count + 1)
 
-    def get(self, number: Any) -> Task:
-        """Return a hole by its number.
+    def get(self, index: Any) -> Task:
+        """Return the task of a hole's number.
 
         Raises:
-            ValueError: there is no such hole.
+            ValueError: no hole has this number.
         """
-        return self.make(integer(number, self.index_name, 1, self.number))
+        return self.make(integer(index, self.index_name, 1, self.count))
 
 
 @dataclass(frozen=True)
 class LevelSampler:
-    """Each episode is played on a level drawn uniformly from a set: ``number`` of them from ``start`` on.
+    """Each episode plays a level drawn uniformly from a set of consecutive levels.
 
     Raises:
-        ValueError: the set is not among the levels 0, ..., ALL - 1.
+        ValueError: the set is not among the levels 0, ..., NUM_LEVELS - 1.
     """
 
     make: Callable[[int], Task]
-    """From a level's number to its hole."""
+    """Make the task of a level's number."""
     start: int
-    number: int
-    """0: all levels there are, wherever ``start`` is."""
+    """First level of the set."""
+    count: int
+    """Number of levels in the set; 0: all levels that exist, wherever ``start`` is."""
 
     is_indexed = True
     index_name = "level"
 
     def __post_init__(self) -> None:
-        integer(self.start, "start_level", 0, ALL - 1)
-        integer(self.number, "num_levels", 0, ALL - 1)
-        if self.start + self.number > ALL:
+        integer(self.start, "start_level", 0, NUM_LEVELS - 1)
+        integer(self.count, "num_levels", 0, NUM_LEVELS - 1)
+        if self.start + self.count > NUM_LEVELS:
             raise ValueError(
-                f"num_levels: expected at most {ALL - self.start} from level {self.start} on, received {self.number}; "
-                f"the levels end at {ALL - 1}."
+                f"num_levels: expected at most {NUM_LEVELS - self.start} from level {self.start} on, "
+                f"received {self.count}; the levels end at {NUM_LEVELS - 1}."
             )
 
     def default(self) -> Task:
-        """Return the first level."""
+        """Return the first level of the set."""
         return self.make(self.start)
 
-    def sample(self, rng: np.random.Generator, last: Task | None) -> Task:
+    def sample(self, rng: np.random.Generator, previous: Task | None) -> Task:
         """Return a level of the set, drawn from ``rng``."""
-        first, number = (self.start, self.number) if self.number else (0, ALL)
-        return self.make(first + int(rng.integers(number)))
+        first, count = (self.start, self.count) if self.count else (0, NUM_LEVELS)
+        return self.make(first + int(rng.integers(count)))
 
-    def get(self, number: Any) -> Task:
-        """Return a level by its number, within the set or not.
+    def get(self, index: Any) -> Task:
+        """Return a level by its number, also one outside the set.
 
         Raises:
-            ValueError: there is no such level.
+            ValueError: no level has this number.
         """
-        return self.make(integer(number, "level", 0, ALL - 1))
-
-
-def round_reset_options(course: str | Course, episode: int) -> dict[str, int]:
-    """Return options for the reset of an episode, counted from 0, that play the holes of a round in turn.
-
-    For those who seed every episode, which would begin the round anew each time. Empty on other courses.
-    """
-    return {SequentialTasks.index_name: 1 + episode % len(ROUND_HOLES)} if course == ROUND_COURSE else {}
+        return self.make(integer(index, self.index_name, 0, NUM_LEVELS - 1))
 
 
 TaskSampler = SingleTask | SequentialTasks | LevelSampler
@@ -129,3 +125,12 @@ TaskSampler = SingleTask | SequentialTasks | LevelSampler
 ``index_name`` is the key of a task's number in info, states and reset's options; ``is_indexed`` is true if tasks have
 numbers.
 """
+
+
+def round_reset_options(course: str | Course, episode: int) -> dict[str, int]:
+    """Return reset options that play the holes of a round in turn, for an episode counted from 0.
+
+    Use it where every episode has its own seed: a reset with a seed starts the round again. On other courses the
+    options are empty.
+    """
+    return {SequentialTasks.index_name: 1 + episode % len(ROUND_HOLES)} if course == ROUND_COURSE else {}

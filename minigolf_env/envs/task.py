@@ -1,6 +1,7 @@
-"""The rules of the game, pure: an action becomes a launch, a shot becomes an outcome, an observation and a reward.
+"""The rules of the game: from an action to a launch velocity, and from a simulated shot to an outcome.
 
-Every function takes one ball or many: arrays have any leading shape (...). There is no other copy of the rules.
+The rules have no state. Every function takes one ball or N balls: arrays have any leading shape (...). There is no
+other copy of the rules.
 """
 
 from __future__ import annotations
@@ -23,33 +24,11 @@ from minigolf_env.physics import Status, World, WorldBatch
 FloatArray = NDArray[np.float64]
 
 MAX_PUTT_TIME = 30.0
-"""Longest putt, s: several times what a ball on any green rolls."""
-
-STATE_FEATURES = (
-    "ball x",
-    "ball y",
-    "ball z",
-    "to cup x",
-    "to cup y",
-    "to cup z",
-    "straight putt x",
-    "straight putt y",
-    "root of cup distance",
-    "strokes left",
-)
-"""What the numbers of a "state" observation mean; MiniGolfEnv's docstring gives their scales."""
-
-REWARDS = ("strokes", "shaped")
-
-MIN_STROKES_TO_FINISH = 1.0
-"""Strokes still needed next to the cup, as the shaped reward estimates them."""
-
-STROKES_PER_METRE = 0.3
-"""Further strokes still needed for each metre along the course to the cup, as the shaped reward estimates them."""
+"""Longest duration of a putt, s: several times as long as a ball rolls on any green."""
 
 
 class Result(IntEnum):
-    """What became of a stroke: the physics' Status, and holed."""
+    """Result of a stroke: a Status of the physics, or HOLED."""
 
     REST = Status.REST
     OUT_OF_BOUNDS = Status.OUT_OF_BOUNDS
@@ -58,68 +37,69 @@ class Result(IntEnum):
 
 
 class Outcome(NamedTuple):
-    """What strokes led to; each field has the leading shape (...) of the strokes."""
+    """Outcome of strokes; each field has the leading shape (...) of the strokes."""
 
     position: FloatArray
-    """(..., 3) where the ball lies for the next stroke, m: where it rests, or where it was struck if it did not."""
+    """(..., 3) the ball's centre for the next stroke, m: where it rests, or where it was struck if it did not."""
     result: NDArray[np.int8]
-    """Values of Result."""
+    """(...) values of Result."""
     time: FloatArray
-    """How long the ball moved, s."""
+    """(...) how long the ball moved, s."""
     bounces: NDArray[np.int64]
-    """Impacts that did not become lasting contacts."""
+    """(...) number of impacts that did not become resting contacts."""
 
     def reshape(self, *shape: int) -> Outcome:
         """Return the same strokes in another leading shape."""
-        position, result, time, bounces = self
-        return Outcome(position.reshape(*shape, 3), result.reshape(shape), time.reshape(shape), bounces.reshape(shape))
+        return Outcome(
+            self.position.reshape(*shape, 3),
+            self.result.reshape(shape),
+            self.time.reshape(shape),
+            self.bounces.reshape(shape),
+        )
 
     @property
     def holed(self) -> NDArray[np.bool_]:
-        """Whether the ball is in the cup."""
+        """(...) true where the ball is in the cup."""
         return np.asarray(self.result == Result.HOLED)
 
 
 def action_space() -> Space[NDArray[np.float32]]:
-    """Return the space of putts (2,)."""
+    """Return the space of one environment's putts (2,)."""
     return cast(Space[NDArray[np.float32]], Box(-1.0, 1.0, (2,), np.float32))
 
 
-def observation_space() -> Space[NDArray[np.float32]]:
-    """Return the space of "state" observations (10,)."""
-    return cast(Space[NDArray[np.float32]], Box(-1.0, 1.0, (len(STATE_FEATURES),), np.float32))
-
-
 def components(array: FloatArray) -> tuple[FloatArray, ...]:
-    """Return x, y and z (...) of vectors (..., 3), for arithmetic with whole columns: rows of three take ten times."""
+    """Return x, y and z, each (...), of vectors (..., 3).
+
+    Arithmetic with whole components takes a tenth of the time of arithmetic with rows of three.
+    """
     return tuple(array[..., k] for k in range(array.shape[-1]))
 
 
 @dataclass(frozen=True, eq=False)
 class TaskBatch:
-    """The rules, for balls that play one hole, or each its own.
+    """The rules of the game for N balls, on one hole or each on its own.
 
     Args:
-        courses: one course, or one a ball, with cups.
-        holes: what the rules know of them.
-        world: the compiled physics of the one, or of all.
-        reward: one of ``REWARDS``.
-        max_strokes: strokes after which an episode is over.
-        random_tee: whether the ball starts anywhere in the tee box, or in its middle.
+        courses: one course for all balls, or N courses, with cups.
+        params: what the rules need to know of their holes.
+        world: the compiled physics of the one course, or of all.
+        max_strokes: number of strokes after which an episode ends.
+        random_tee: start at a uniformly random place in the tee box; otherwise in its middle.
         putt_noise: standard deviations of a putt's direction (degrees) and speed (share of it).
     """
 
     courses: tuple[Course, ...]
     params: HoleParams
     world: World | WorldBatch
-    reward: str
     max_strokes: int
     random_tee: bool
     putt_noise: tuple[float, float]
 
     def sample_start(self, rngs: Collection[np.random.Generator]) -> FloatArray:
-        """Return balls' centres (N, 3), m, in the tee box: in its middle, or anywhere, each by its own stream."""
-        lower, upper = self.params.tee[..., 0, :], self.params.tee[..., 1, :]
+        """Return centres (N, 3), m, of balls in the tee box: random, each from its own generator, or the middle."""
+        lower = self.params.tee[..., 0, :]
+        upper = self.params.tee[..., 1, :]
         shares = np.full((len(rngs), 3), 0.5)
         if self.random_tee:
             for rng, share in zip(rngs, shares[:, :2], strict=True):
@@ -128,104 +108,97 @@ class TaskBatch:
 
     @property
     def is_noisy(self) -> bool:
-        """Whether putts are disturbed."""
+        """True if putts have noise."""
         return any(self.putt_noise)
 
     def sample_noise(self, rngs: Collection[np.random.Generator]) -> FloatArray:
-        """Return standard normal numbers (N, 2) to disturb putts with, each from its own stream."""
-        draws = np.empty((len(rngs), 2))
-        for rng, draw in zip(rngs, draws, strict=True):
-            rng.standard_normal(out=draw)
-        return draws
+        """Return standard normal numbers (N, 2) for the noise of putts, each ball's from its own generator."""
+        noise = np.empty((len(rngs), 2))
+        for rng, row in zip(rngs, noise, strict=True):
+            rng.standard_normal(out=row)
+        return noise
 
-    def launch_velocity(self, actions: FloatArray, draws: FloatArray | None = None) -> FloatArray:
+    def launch_velocity(self, actions: FloatArray, noise: FloatArray | None = None) -> FloatArray:
         """Return launch velocities (..., 3), m/s, of actions (..., 2).
 
-        An action's direction aims, its length (at most 1) is the share of the top speed. ``draws`` (..., 2) are
-        standard normal numbers that disturb direction and speed by ``putt_noise``.
+        The direction of an action is that of the putt; its length, clipped to 1, is the share of the top speed.
+
+        Args:
+            actions: the putts.
+            noise: (..., 2) standard normal numbers, which ``putt_noise`` scales to a turn and to a change of speed;
+                None: no noise.
         """
         length = np.hypot(actions[..., 0], actions[..., 1])
         putt = actions * (self.params.top_speed / np.maximum(length, 1.0))[..., None]
-        if draws is not None:
-            turn = draws[..., 0] * math.radians(self.putt_noise[0])
+        if noise is not None:
+            turn = noise[..., 0] * math.radians(self.putt_noise[0])
             cos, sin = np.cos(turn), np.sin(turn)
             x, y = putt[..., 0], putt[..., 1]
             putt = np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
-            putt = putt * np.maximum(0.0, 1.0 + draws[..., 1] * self.putt_noise[1])[..., None]
+            putt = putt * np.maximum(0.0, 1.0 + noise[..., 1] * self.putt_noise[1])[..., None]
         return np.concatenate([putt, np.zeros_like(putt[..., :1])], axis=-1)
 
     def simulate(self, positions: FloatArray, velocities: FloatArray) -> Outcome:
-        """Return what becomes of balls at positions (N, 3) launched with velocities (N, 3)."""
+        """Return the outcome of balls at positions (N, 3), m, launched with velocities (N, 3), m/s."""
         shot = self.world.simulate_batch(positions, velocities, MAX_PUTT_TIME)
         holed = self.is_holed(shot.position, shot.velocity)
         result = np.where(holed, np.int8(Result.HOLED), shot.status)
-        # A ball that left the course, or never came to rest, goes back: the stroke counts.
-        stays = holed | (result == Result.REST)
-        position = np.where(stays[:, None], shot.position, positions)
+        # A ball that left the course, or did not come to rest, is put back where it was struck; the stroke counts.
+        keeps_position = holed | (result == Result.REST)
+        position = np.where(keeps_position[:, None], shot.position, positions)
         return Outcome(position, result, np.asarray(shot.time), np.asarray(shot.bounces))
 
     def is_holed(self, positions: FloatArray, velocities: FloatArray) -> NDArray[np.bool_]:
-        """Return whether balls (..., 3) are in the cup for good: below the rim, without the energy to come out.
+        """Return (...) true where balls cannot leave the cup: below its rim, and without the energy to come out.
 
-        To leave, a ball must pass over the rim's edge, its centre one radius above it.
+        To leave the cup, a ball must pass over the edge of the rim with its centre one radius above it.
+
+        Args:
+            positions: (..., 3), m.
+            velocities: (..., 3), m/s.
         """
-        (x, y, z), (u, v, w) = components(positions), components(velocities)
+        x, y, z = components(positions)
+        u, v, w = components(velocities)
         cup_x, cup_y, rim = components(self.params.cup)
         inside = np.hypot(x - cup_x, y - cup_y) < self.params.cup_radius
         climb = (u * u + v * v + w * w) / (2.0 * self.params.gravity)
         return np.asarray(inside & (z < rim) & (z + climb < rim + self.params.ball_radius))
 
     def distance_to_cup(self, positions: FloatArray) -> FloatArray:
-        """Return the distance along the course from positions (..., 3) to the cup, m.
+        """Return the distance (...) along the course from positions (..., 3) to the cup, m.
 
-        Straight to the end of the nearest leg of the course's route, and on along the route.
+        It goes straight to the end of the nearest segment of the course's route, and on along the route.
         """
         x, y, _ = components(positions)
-        nearest, distance = np.asarray(np.inf), np.asarray(0.0)
+        smallest_sq, distance = np.asarray(np.inf), np.asarray(0.0)
         for segment in self._route_segments:
+            # Find the nearest point of the segment.
             dx, dy = x - segment.start[0], y - segment.start[1]
             share = (dx * segment.vector[0] + dy * segment.vector[1]) / segment.length_sq
             share = np.minimum(np.maximum(share, 0.0), 1.0)
             dx, dy = dx - share * segment.vector[0], dy - share * segment.vector[1]
-            away = dx * dx + dy * dy
-            left = np.hypot(segment.end[0] - x, segment.end[1] - y) + segment.remaining
-            nearest, distance = np.minimum(nearest, away), np.where(away < nearest, left, distance)
+            offset_sq = dx * dx + dy * dy
+            # Keep the distance along the nearest segment.
+            along = np.hypot(segment.end[0] - x, segment.end[1] - y) + segment.remaining
+            distance = np.where(offset_sq < smallest_sq, along, distance)
+            smallest_sq = np.minimum(smallest_sq, offset_sq)
         return distance
 
     @cached_property
     def _route_segments(self) -> list[RouteSegment]:
         return self.params.route_segments()
 
-    def observe(self, positions: FloatArray, strokes: NDArray[np.int64]) -> NDArray[np.float32]:
-        """Return observations (..., 10) of balls at positions (..., 3) after a number of strokes (...)."""
-        ball, lower, upper = components(positions), *(components(self.params.bounds[..., k, :]) for k in (0, 1))
-        sides = [high - low for high, low in zip(upper, lower, strict=True)]
-        reach = np.sqrt(sides[0] * sides[0] + sides[1] * sides[1])
-        place = [2.0 * (p - low) / side - 1.0 for p, low, side in zip(ball, lower, sides, strict=True)]
-        to_cup = [c - p for c, p in zip(components(self.params.cup), ball, strict=True)]
-        away = np.hypot(to_cup[0], to_cup[1])
-        root = np.sqrt(away / reach)
-        straight = [root * way / np.maximum(away, 1e-9) for way in to_cup[:2]]
-        left = np.asarray(1.0 - np.asarray(strokes) / self.max_strokes)
-        numbers = np.stack([*place, *(way / reach for way in to_cup), *straight, root, left], axis=-1)
-        return np.clip(numbers, -1.0, 1.0, out=numbers).astype(np.float32)
-
-    def potential(self, positions: FloatArray) -> FloatArray:
-        """Return the potential (...) of balls at positions (..., 3): minus the strokes still needed, as a guess.
-
-        Zero with the reward "strokes".
-        """
-        if self.reward == "strokes":
-            return np.zeros(positions.shape[:-1])
-        return -(MIN_STROKES_TO_FINISH + STROKES_PER_METRE * self.distance_to_cup(positions))
-
-    def rewards(self, before: FloatArray, after: FloatArray, ended: NDArray[np.bool_]) -> FloatArray:
-        """Return the rewards (...) of strokes between places of the potentials ``before`` and ``after`` (...).
-
-        "strokes" is -1. "shaped" adds the change of the potential, which is zero where the episode has ended: over an
-        episode it adds a constant, so that the best policy stays the best.
-        """
-        return np.asarray(-1.0 + np.where(ended, 0.0, after) - before)
+    def take(self, rows: NDArray[np.int64]) -> TaskBatch:
+        """Return the tasks of some balls, in the order of the rows, which may repeat; itself if it has one hole."""
+        if not isinstance(self.world, WorldBatch):
+            return self
+        worlds = self.world.worlds
+        return replace(
+            self,
+            courses=tuple(self.courses[i] for i in rows),
+            params=self.params.take(rows),
+            world=WorldBatch([worlds[i] for i in rows]),
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -233,7 +206,7 @@ class Task(TaskBatch):
     """One course with its rules.
 
     Args:
-        index: the number of a procedural course, or of a hole of a round; None: it has none.
+        index: the number of a procedural level, or of a hole of a round; None: it has none.
     """
 
     world: World
@@ -247,7 +220,7 @@ class Task(TaskBatch):
     @property
     def cup(self) -> Cup:
         """The cup."""
-        assert self.course.cup is not None  # noqa: S101 (HoleParams.from_course has refused such a course)
+        assert self.course.cup is not None  # noqa: S101 (HoleParams.from_course refuses a course without a cup)
         return self.course.cup
 
     @property
@@ -256,13 +229,13 @@ class Task(TaskBatch):
         return float(self.params.top_speed)
 
     def simulate_path(self, position: FloatArray, velocity: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the path (T, 3), m, that a ball takes from a position and velocity (3,), and its times (T,), s."""
+        """Return the path (T, 3), m, of a ball from a position and velocity (3,), and its times (T,), s."""
         shot = self.world.simulate(position, velocity, MAX_PUTT_TIME, record=True)
         return np.asarray(shot.path), np.asarray(shot.times)
 
 
 def stack_tasks(tasks: Sequence[Task]) -> TaskBatch:
-    """Return N tasks of the same rules as one game in which ball i plays task i: one task if they are all the same."""
+    """Return N tasks of the same rules as one batch, in which ball i plays task i; one task if all are the same."""
     first = tasks[0]
     if all(task is first for task in tasks):
         return first
@@ -270,21 +243,7 @@ def stack_tasks(tasks: Sequence[Task]) -> TaskBatch:
         courses=tuple(task.course for task in tasks),
         params=HoleParams.stack([task.params for task in tasks]),
         world=WorldBatch([task.world for task in tasks]),
-        reward=first.reward,
         max_strokes=first.max_strokes,
         random_tee=first.random_tee,
         putt_noise=first.putt_noise,
-    )
-
-
-def take(game: TaskBatch, rows: NDArray[np.int64]) -> TaskBatch:
-    """Return the game of some of the balls, each as often as it is among the rows."""
-    if not isinstance(game.world, WorldBatch):
-        return game
-    worlds = game.world.worlds
-    return replace(
-        game,
-        courses=tuple(game.courses[i] for i in rows),
-        params=game.params.take(rows),
-        world=WorldBatch([worlds[i] for i in rows]),
     )

@@ -1,4 +1,4 @@
-"""A batch of MiniGolf-v0 environments that play their putts together, on all cores."""
+"""A batch of MiniGolf-v0 environments that simulate their putts together, on all cores."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import Any, Unpack
 
 import gymnasium as gym
 import numpy as np
+from gymnasium.envs.registration import EnvSpec
 from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
@@ -14,7 +15,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from minigolf_env._validation import integer
 from minigolf_env.courses import Course
-from minigolf_env.envs.attributes import Attributes, Observations
 from minigolf_env.envs.config import (
     EnvOptions,
     build_env_config,
@@ -22,44 +22,50 @@ from minigolf_env.envs.config import (
     check_autoreset,
     check_mask,
     check_options,
-    one_each,
+    one_per_env,
 )
 from minigolf_env.envs.episode_state import check_episode_positions, decode_state, encode_state, error_context
-from minigolf_env.envs.task import FloatArray, Outcome, Result, Task, TaskBatch, action_space, stack_tasks, take
+from minigolf_env.envs.generators import check_generators, seed_generators
+from minigolf_env.envs.infos import LastStrokes, batch_info, final_info
+from minigolf_env.envs.rewards import explain_unserializable
+from minigolf_env.envs.stroke import play_stroke
+from minigolf_env.envs.task import FloatArray, Outcome, Task, TaskBatch, action_space, stack_tasks
 from minigolf_env.rendering import RENDER_FPS, EpisodeRenderer, RenderContext
 
+Observations = NDArray[Any]
+Actions = NDArray[np.float32]
 Flags = NDArray[np.bool_]
 Rows = NDArray[np.int64]
 
-ALL = slice(None)
-"""In place of the rows of all environments: numpy takes a third of the time."""
+ALL_ROWS = slice(None)
+"""Rows of all environments: numpy indexes with a slice in a third of the time that an array of all indices takes."""
 
-TEE = -1
-"""Stands for "tee" where other strokes have a Result."""
+SHARED_ATTRIBUTES = {"action_space": "single_action_space", "observation_space": "single_observation_space"} | {
+    name: name for name in ("metadata", "render_mode", "spec")
+}
+"""Attributes that all environments share, with their names in the batch."""
 
-STATUS = np.array([*(result.name.lower() for result in Result), "tee"], dtype=object)
-"""The names in info's "status" of each Result, and last of TEE."""
 
+class MiniGolfVectorEnv(gym.vector.VectorEnv[Observations, Actions, NDArray[Any]]):
+    """N environments of MiniGolf-v0 as one vector environment, from ``gym.make_vec("MiniGolf-v0", num_envs=N)``.
 
-class MiniGolfVectorEnv(Attributes):
-    """N environments of MiniGolf-v0 as one, through ``gym.make_vec("MiniGolf-v0", num_envs=N)``.
-
-    Spaces, rewards and infos are MiniGolfEnv's with a leading axis (N,). Environment i gives the same bits as a single
-    environment seeded with seed + i, whatever N and the number of threads. Every array returned is new. With
-    course="procedural" each environment plays a level of its own, all by the same compiled kernels, with course="round"
-    a round of its own.
+    Spaces, rewards and infos are those of MiniGolfEnv with a leading axis (N,). Environment i gives the same bits as a
+    single environment seeded with seed + i, whatever N and the number of threads. Every returned array is new. With
+    course="procedural" each environment plays its own level, all by the same compiled kernels; with course="round" each
+    plays its own round.
 
     Args:
         num_envs: N >= 1.
         course: as for MiniGolfEnv.
-        render_mode: None; "rgb_array": ``render()`` returns a tuple of N pictures; "rgb_array_list": N lists of them.
-        autoreset_mode: "NextStep" (the step after an episode's last resets it and ignores the action), "SameStep" (the
-            last step resets at once; the end is in info's "final_obs" and "final_info") or "Disabled" (call
-            ``reset(options={"reset_mask": mask})``).
+        render_mode: None; "rgb_array": ``render()`` returns a tuple of N images; "rgb_array_list": a tuple of N
+            lists of images.
+        autoreset_mode: "NextStep" (the step after an episode's last one resets it and ignores the action), "SameStep"
+            (the last step resets at once; the end of the episode is in info's "final_obs" and "final_info") or
+            "Disabled" (call ``reset(options={"reset_mask": mask})``).
         options: the other arguments of MiniGolfEnv.
 
     Raises:
-        ValueError: an argument or action is not what it should be; nothing has changed then.
+        ValueError: an argument or action has a wrong value; nothing has changed then.
     """
 
     metadata: dict[str, Any] = {  # noqa: RUF012 (the base class types it so)
@@ -68,7 +74,8 @@ class MiniGolfVectorEnv(Attributes):
         "autoreset_mode": AutoresetMode.NEXT_STEP,
     }
     renderers: tuple[EpisodeRenderer, ...] = ()
-    """One for each environment that can be seen; none where the constructor was refused its arguments."""
+    """One for each environment if there is a render mode; none if the constructor raised an error."""
+    _spec: EnvSpec | None = None
 
     def __init__(
         self,
@@ -80,86 +87,108 @@ class MiniGolfVectorEnv(Attributes):
         **options: Unpack[EnvOptions],
     ) -> None:
         num_envs = integer(num_envs, "num_envs", 1)
-        self._sampler, self._observer, settings = build_env_config(
-            course, self.metadata["render_modes"], render_mode, **options
-        )
+        config = build_env_config(course, self.metadata["render_modes"], render_mode, **options)
+        self._sampler = config.sampler
+        self._observation = config.observation
+        self._reward = config.reward
         self.render_mode = render_mode
         self.num_envs = num_envs
         self.autoreset_mode = check_autoreset(autoreset_mode)
         self.metadata = {**self.metadata, "autoreset_mode": self.autoreset_mode}
-        first = self._sampler.default()
-        num_renderers = num_envs if render_mode is not None else 0
-        context = RenderContext(first.course, first.simulate_path)
-        self.renderers = tuple(EpisodeRenderer(context, settings) for _ in range(num_renderers))
-        self.single_action_space, self.single_observation_space = action_space(), self._observer.space()
+        # Make the spaces and, with a render mode, a renderer for each environment.
+        self.single_action_space = action_space()
+        self.single_observation_space = self._observation.space()
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
+        task = self._sampler.default()
+        num_renderers = num_envs if render_mode is not None else 0
+        context = RenderContext(task.course, task.simulate_path)
+        self.renderers = tuple(EpisodeRenderer(context, config.render_settings) for _ in range(num_renderers))
+        # Make the state of the episodes, arrays (N,) and (N, 3). There are no generators before the first reset.
+        self.task_batch: TaskBatch = task
+        self._tasks: NDArray[np.object_] = np.full(num_envs, task, dtype=object)
+        self._course_names: NDArray[np.object_] = np.full(num_envs, task.course.name, dtype=object)
         self._rngs: NDArray[np.object_] = np.empty(0, dtype=object)
-        self._all: Rows = np.arange(num_envs)
-        self._tasks = np.full(num_envs, first, dtype=object)
-        self._course_names = np.full(num_envs, first.course.name, dtype=object)
-        self.task_batch: TaskBatch = first
         self._positions = np.empty((num_envs, 3))
-        self._potentials = np.empty(num_envs)
         self._strokes = np.zeros(num_envs, np.int64)
         self._over = np.zeros(num_envs, np.bool_)
+
+    @property
+    def spec(self) -> EnvSpec | None:
+        """The spec that ``gym.make_vec`` sets."""
+        return self._spec
+
+    @spec.setter
+    def spec(self, spec: EnvSpec | None) -> None:
+        self._spec = explain_unserializable(spec)
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observations, dict[str, Any]]:
         """Start new episodes in all environments, or in those of ``options["reset_mask"]`` (N,), bool.
 
-        ``options["level"]`` is the number of the level that all play, or N numbers; of a round, ``options["hole"]``.
+        ``options["level"]`` is the number of the level that all play, or N numbers; ``options["hole"]`` is that of the
+        hole of a round.
         """
-        key = self._sampler.index_name
-        given = check_options(options, key, "reset_mask")
+        index_name = self._sampler.index_name
+        given = check_options(options, index_name, "reset_mask")
         rows = check_mask(given.get("reset_mask"), self.num_envs)
-        holes = self._select_tasks(given.get(key), rows)
+        tasks = self._select_tasks(given.get(index_name), rows)
         if len(self._rngs) == 0 and len(rows) < self.num_envs:
             raise ResetNeeded("Reset all environments before some of them.")
         for i in self._seed(seed, rows):
-            holes[i] = holes.get(i) or self._sampler.sample(self._rngs[i], None)
-        self._start_episodes(rows, holes)
-        return self._observe(ALL), self._info(self._no_strokes())
+            tasks[i] = tasks.get(i) or self._sampler.sample(self._rngs[i], None)
+        self._start_episodes(rows, tasks)
+        return self._observe(ALL_ROWS), self._info(LastStrokes.none(self.num_envs))
 
     def step(self, actions: ArrayLike) -> tuple[Observations, FloatArray, Flags, Flags, dict[str, Any]]:
         """Play one putt in every environment; return (observations, rewards, terminated, truncated, infos)."""
-        self._require_balls()
+        self._require_reset()
         putts = check_actions(actions, (self.num_envs, 2))
+        # Select the environments that play; those whose episode is over are reset instead.
         idle = np.flatnonzero(self._over)
         if self.autoreset_mode == AutoresetMode.DISABLED and len(idle):
             raise ResetNeeded(f"Episodes {idle.tolist()} are over; reset them with options={{'reset_mask': ...}}.")
-        rows = np.flatnonzero(~self._over) if len(idle) else ALL
-        game, before = self._subset(rows), self._positions[rows].copy()
-        velocities = game.launch_velocity(putts[rows], game.sample_noise(self._rngs[rows]) if game.is_noisy else None)
-        outcome = game.simulate(before, velocities)
-        self._positions[rows] = outcome.position
+        rows = np.flatnonzero(~self._over) if len(idle) else ALL_ROWS
+        # Play the strokes, then advance the episodes: an error before this leaves them as they were.
+        before = self._positions[rows].copy()
+        stroke = play_stroke(
+            self._subset(rows), self._reward, before, putts[rows], self._strokes[rows], self._rngs[rows]
+        )
+        self._positions[rows] = stroke.outcome.position
         self._strokes[rows] += 1
+        self._over[rows] = stroke.ended
         if self.renderers:
-            for i, *putt in zip(self._all[rows], before, velocities, outcome.position, strict=True):
-                self.renderers[i].add_putt(*putt)
-        over = outcome.holed | (self._strokes[rows] >= game.max_strokes)
-        rewards, terminated = np.zeros(self.num_envs), np.zeros(self.num_envs, np.bool_)
-        potentials = game.potential(outcome.position)
-        rewards[rows], terminated[rows] = game.rewards(self._potentials[rows], potentials, over), over
-        self._potentials[rows] = potentials
-        last = self._no_strokes()
-        for field, value in zip(last, outcome[1:], strict=True):
-            field[rows] = value
-        self._over[rows] = over
+            played = zip(np.arange(self.num_envs)[rows], before, stroke.velocity, stroke.outcome.position, strict=True)
+            for i, start, velocity, end in played:
+                self.renderers[i].add_putt(start, velocity, end)
+        # Fill in the results; idle environments have reward 0.
+        rewards = np.zeros(self.num_envs)
+        rewards[rows] = stroke.reward
+        terminated = np.zeros(self.num_envs, np.bool_)
+        terminated[rows] = stroke.ended
+        truncated = np.zeros(self.num_envs, np.bool_)
+        last = LastStrokes.none(self.num_envs)
+        last.record(rows, stroke.outcome)
+        # Reset what is due, and observe.
         self._start_episodes(idle, {})
-        observations, info = self._observe(ALL), self._info(last)
-        if self.autoreset_mode == AutoresetMode.SAME_STEP and over.any():
+        observations, info = self._observe(ALL_ROWS), self._info(last)
+        if self.autoreset_mode == AutoresetMode.SAME_STEP and terminated.any():
             observations, info = self._autoreset(terminated, observations, info, last)
-        return observations, rewards, terminated, np.zeros(self.num_envs, np.bool_), info
+        return observations, rewards, terminated, truncated, info
 
     def render(self) -> tuple[Any, ...] | None:
-        """Return what the render mode promises, of each environment; None without one."""
-        self._require_balls()
+        """Return a tuple of what each environment's render mode has, or None without a render mode."""
+        self._require_reset()
         return tuple(renderer.render() for renderer in self.renderers) or None
 
+    def close_extras(self, **kwargs: Any) -> None:
+        """Close the renderers, which send nothing more to recorders."""
+        for renderer in self.renderers:
+            renderer.close()
+
     def what_if(self, actions: ArrayLike) -> Outcome:
-        """Return what putts from the present states would lead to, without noise and without moving a ball.
+        """Return the outcomes of putts from the present states, without noise and without moving a ball.
 
         Args:
             actions: (N, M, 2), M putts for each environment, or (M, 2), the same for all.
@@ -167,142 +196,169 @@ class MiniGolfVectorEnv(Attributes):
         Returns:
             An Outcome of N environments and M putts: its fields have the leading shape (N, M).
         """
-        self._require_balls()
-        each = () if np.ndim(actions) == 2 else (self.num_envs,)
-        putts = check_actions(actions, (*each, None, 2))
+        self._require_reset()
+        leading_shape = () if np.ndim(actions) == 2 else (self.num_envs,)
+        putts = check_actions(actions, (*leading_shape, None, 2))
         putts = np.broadcast_to(putts, (self.num_envs, *putts.shape[-2:]))
-        rows = np.repeat(self._all, putts.shape[1])
-        game = take(self.task_batch, rows)
-        outcome = game.simulate(self._positions[rows], game.launch_velocity(putts.reshape(-1, 2)))
+        rows = np.repeat(np.arange(self.num_envs), putts.shape[1])
+        tasks = self.task_batch.take(rows)
+        outcome = tasks.simulate(self._positions[rows], tasks.launch_velocity(putts.reshape(-1, 2)))
         return outcome.reshape(*putts.shape[:2])
 
     def get_state(self) -> list[dict[str, Any]]:
-        """Return the states of the N episodes, each as MiniGolfEnv.get_state returns it: it fits one there, too."""
-        self._require_balls()
+        """Return the states of the N episodes; each can be set in a single environment, too."""
+        self._require_reset()
         strokes, over = self._strokes.tolist(), self._over.tolist()
         episodes = zip(self._tasks, self._positions, strokes, over, self._rngs, strict=True)
         return [encode_state(self._sampler, *episode) for episode in episodes]
 
     def set_state(self, states: Sequence[dict[str, Any]]) -> None:
-        """Go on from N states of single environments, or of a batch; what MiniGolfEnv.set_state takes is taken here.
+        """Resume N episodes from states of single environments or of a batch, as MiniGolfEnv.set_state takes them.
 
         Raises:
-            ValueError: there are not N, one is not what it should be, or an episode is over though the autoreset mode
-                is "SameStep", where none stays so; nothing has changed then.
+            ValueError: the number of states is not N, a value is wrong, or an episode is over though with autoreset
+                mode "SameStep" none stays so; nothing has changed then.
         """
         episodes = []
-        for i, state in enumerate(one_each(states, self.num_envs, "states")):
+        for i, state in enumerate(one_per_env(states, self.num_envs, "states")):
             with error_context(i):
                 episodes.append(decode_state(state, self._sampler, self._tasks[i]))
                 if episodes[i].over and self.autoreset_mode == AutoresetMode.SAME_STEP:
-                    raise ValueError("over: expected an episode that goes on, as autoreset 'SameStep' has them all.")
+                    raise ValueError("over: expected an episode that is not over, as with autoreset 'SameStep'.")
         check_episode_positions(episodes)
         if len(self._rngs) == 0:
-            self._seed(None, self._all)
-        holes, positions, self._strokes[:], self._over[:], randoms = zip(*episodes, strict=True)
-        self._positions[:] = positions
-        self._assign_tasks(self._all, holes)
-        for rng, random in zip(self._rngs, randoms, strict=True):
-            if random is not None:
-                rng.bit_generator.state = random
-        self._place_balls(self._all)
+            self._seed(None, np.arange(self.num_envs))
+        rows = np.arange(self.num_envs)
+        self._assign_tasks(rows, [episode.task for episode in episodes])
+        self._positions[:] = [episode.position for episode in episodes]
+        self._strokes[:] = [episode.strokes for episode in episodes]
+        self._over[:] = [episode.over for episode in episodes]
+        for rng, episode in zip(self._rngs, episodes, strict=True):
+            if episode.np_random is not None:
+                rng.bit_generator.state = episode.np_random
+        self._show_balls(rows)
+
+    def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
+        """Return the result of a method of MiniGolfEnv, or an attribute, for each environment.
+
+        Args:
+            name: "get_state", "render", "what_if", or a name that ``get_attr`` takes.
+            args: arguments of the method, the same for each environment.
+            kwargs: keyword arguments of the method.
+
+        Raises:
+            AttributeError: the name is unknown, or the method would move single environments of the batch.
+        """
+        if name == "what_if":
+            return tuple(Outcome(*fields) for fields in zip(*self.what_if(*args, **kwargs), strict=True))
+        if name == "get_state":
+            return tuple(self.get_state(*args, **kwargs))
+        if name == "render":
+            return self.render(*args, **kwargs) or (None,) * self.num_envs
+        return self.get_attr(name)
+
+    def get_attr(self, name: str) -> tuple[Any, ...]:
+        """Return an attribute of each environment.
+
+        Args:
+            name: "np_random" or "task", of which each environment has its own, or "action_space", "metadata",
+                "observation_space", "render_mode" or "spec", which they share.
+
+        Raises:
+            AttributeError: the name is unknown.
+        """
+        if name in SHARED_ATTRIBUTES:
+            return (getattr(self, SHARED_ATTRIBUTES[name]),) * self.num_envs
+        if name == "task":
+            return tuple(self._tasks)
+        if name == "np_random":
+            self._require_reset()
+            return tuple(self._rngs)
+        known = ", ".join(map(repr, sorted([*SHARED_ATTRIBUTES, "np_random", "task"])))
+        raise AttributeError(
+            f"name: expected one of {known}, or to call 'get_state', 'render' or 'what_if', received {name!r}; "
+            "what moves environments moves the whole batch: use its own reset, step and set_state."
+        )
+
+    def set_attr(self, name: str, values: Any) -> None:
+        """Set an attribute of each environment: "np_random", to N generators.
+
+        Raises:
+            AttributeError: another name: all else is shared, or follows from the rules.
+            ValueError: the values are not N different generators such as ``gymnasium.utils.seeding.np_random`` makes.
+        """
+        if name != "np_random":
+            raise AttributeError(f"name: expected 'np_random', received {name!r}; make a new batch for other options.")
+        self._require_reset()
+        self._rngs = check_generators(values, self.num_envs)
+
+    def _require_reset(self) -> None:
+        if len(self._rngs) == 0:
+            raise ResetNeeded("Call reset() first: there are no balls on the course yet.")
 
     def _autoreset(
-        self, ended: Flags, observations: Observations, info: dict[str, Any], last: tuple[NDArray[Any], ...]
+        self, ended: Flags, observations: Observations, info: dict[str, Any], last: LastStrokes
     ) -> tuple[Observations, dict[str, Any]]:
-        """Begin new episodes where one ended; return observations and info, with the old ones' end in it."""
+        """Start new episodes where one ended; return observations and info, with the end of the old ones in info."""
         rows = np.flatnonzero(ended)
-        final_obs = np.full(self.num_envs, None, dtype=object)
-        for i in rows.tolist():
-            final_obs[i] = observations[i]
-        final_info = {key: ended.copy() if key.startswith("_") else value for key, value in info.items()}
+        final = final_info(ended, observations, info)
         self._start_episodes(rows, {}, keep_last=True)
         observations = observations.copy()
         observations[rows] = self._observe(rows)
-        for field, value in zip(last, (TEE, 0.0, 0), strict=True):
-            field[rows] = value
-        begun = self._info(last)
-        ends = {"final_obs": final_obs, "final_info": final_info}
-        return observations, begun | ends | {f"_{key}": ended.copy() for key in ends}
+        last.clear(rows)
+        return observations, self._info(last) | final
 
     def _seed(self, seed: int | Sequence[int | None] | None, rows: Rows) -> list[int]:
-        """Seed the generators of some environments, or all if there are none yet; return which were."""
-        if seed is None or isinstance(seed, (int, np.integer)):
-            seeds = [None if seed is None else int(seed) + i for i in range(self.num_envs)]
-        else:
-            seeds = one_each(seed, self.num_envs, "seed")
-        fresh = len(self._rngs) == 0
-        rngs = np.full(self.num_envs, None, dtype=object) if fresh else self._rngs.copy()
-        seeded = [i for i in rows.tolist() if fresh or seeds[i] is not None]
-        for i in seeded:
-            rngs[i], _ = gym.utils.seeding.np_random(seeds[i])
-        self._rngs = rngs
+        """Seed the generators of some environments, or all if there are none yet; return which were seeded."""
+        self._rngs, seeded = seed_generators(self._rngs, seed, rows, self.num_envs)
         return seeded
 
-    def _select_tasks(self, level: Any, rows: Rows) -> dict[int, Task]:
-        """Return the holes of chosen levels, by environment; none where no level is."""
-        if level is None:
+    def _select_tasks(self, index: Any, rows: Rows) -> dict[int, Task]:
+        """Return the tasks of chosen levels or holes by environment; an empty dict if none is chosen."""
+        if index is None:
             return {}
-        name = self._sampler.index_name
-        levels = [level] * self.num_envs if np.ndim(level) == 0 else one_each(level, self.num_envs, name)
-        return {i: self._sampler.get(levels[i]) for i in rows.tolist()}
+        is_shared = np.ndim(index) == 0
+        indices = [index] * self.num_envs if is_shared else one_per_env(index, self.num_envs, self._sampler.index_name)
+        return {i: self._sampler.get(indices[i]) for i in rows.tolist()}
 
-    def _start_episodes(self, rows: Rows, holes: dict[int, Task], keep_last: bool = False) -> None:
-        """Begin episodes in some environments, each on its hole of ``holes``, or on one that is drawn."""
+    def _start_episodes(self, rows: Rows, tasks: dict[int, Task], keep_last: bool = False) -> None:
+        """Start episodes in some environments, each on its task of ``tasks`` or on one that is sampled."""
         if len(rows) == 0:
             return
         rngs = self._rngs[rows]
         if self._sampler.is_indexed:
-            draw, last = self._sampler.sample, self._tasks
-            chosen = (holes.get(i) or draw(rng, last[i]) for i, rng in zip(rows.tolist(), rngs, strict=True))
-            self._assign_tasks(rows, list(chosen))
+            pairs = zip(rows.tolist(), rngs, strict=True)
+            self._assign_tasks(rows, [tasks.get(i) or self._sampler.sample(rng, self._tasks[i]) for i, rng in pairs])
         self._positions[rows] = self._subset(rows).sample_start(rngs)
-        self._strokes[rows], self._over[rows] = 0, False
-        self._place_balls(rows, keep_last)
+        self._strokes[rows] = 0
+        self._over[rows] = False
+        self._show_balls(rows, keep_last)
 
-    def _assign_tasks(self, rows: Rows, holes: Sequence[Task]) -> None:
-        """Let some environments play on these holes."""
+    def _assign_tasks(self, rows: Rows, tasks: Sequence[Task]) -> None:
+        """Set the tasks of some environments."""
         if self._sampler.is_indexed:
-            self._tasks[rows] = holes
-            self._course_names[rows] = [hole.course.name for hole in holes]
+            self._tasks[rows] = tasks
+            self._course_names[rows] = [task.course.name for task in tasks]
             self.task_batch = stack_tasks(self._tasks.tolist())
 
     def _subset(self, rows: Rows | slice) -> TaskBatch:
+        """Return the tasks of some environments."""
         if isinstance(rows, slice) or len(rows) == self.num_envs:
             return self.task_batch
-        return take(self.task_batch, rows)
+        return self.task_batch.take(rows)
 
-    def _place_balls(self, rows: Rows, keep_last: bool = False) -> None:
-        """Take in that the balls of some environments were put where they lie now."""
-        self._potentials[rows] = self._subset(rows).potential(self._positions[rows])
+    def _show_balls(self, rows: Rows, keep_last: bool = False) -> None:
+        """Show the balls of some environments, which were placed without a putt, on their courses."""
         for i in rows.tolist() if self.renderers else ():
-            hole = self._tasks[i]
-            self.renderers[i].place_ball(
-                self._positions[i].copy(), RenderContext(hole.course, hole.simulate_path), keep_last
-            )
+            task = self._tasks[i]
+            context = RenderContext(task.course, task.simulate_path)
+            self.renderers[i].place_ball(self._positions[i].copy(), context, keep_last)
 
     def _observe(self, rows: Rows | slice) -> Observations:
-        return self._observer.observe(self._subset(rows), self._positions[rows], self._strokes[rows])
+        return self._observation.observe(self._subset(rows), self._positions[rows], self._strokes[rows])
 
-    def _no_strokes(self) -> tuple[NDArray[Any], ...]:
-        """Return result, time and bounces (N,) of environments in which no stroke was played."""
-        n = self.num_envs
-        return np.full(n, TEE, np.int8), np.zeros(n), np.zeros(n, np.int64)
-
-    def _info(self, last: tuple[NDArray[Any], ...]) -> dict[str, Any]:
-        """Return the infos as arrays (N,), each with its mask, as Gymnasium's vector environments have it.
-
-        ``last``: result, time and bounces of the last strokes.
-        """
-        result, time, bounces = last
-        info: dict[str, Any] = {
-            "strokes": self._strokes.copy(),
-            "is_success": result == Result.HOLED,
-            "status": STATUS[result],
-            "shot_time": time.copy(),
-            "bounces": bounces.copy(),
-            "course": self._course_names.copy(),
-        }
+    def _info(self, last: LastStrokes) -> dict[str, Any]:
+        index: dict[str, NDArray[np.int64]] = {}
         if self._sampler.is_indexed:
-            info[self._sampler.index_name] = np.array([hole.index for hole in self._tasks], dtype=np.int64)
-        return info | {f"_{key}": np.ones(self.num_envs, np.bool_) for key in info}
+            index[self._sampler.index_name] = np.array([task.index for task in self._tasks], dtype=np.int64)
+        return batch_info(self._strokes, last, self._course_names, index)

@@ -38,7 +38,7 @@ from minigolf_env.envs.observations.bounce_rays import (
     NUM_SEGMENTS,
 )
 from minigolf_env.envs.observations.rays import CUP_DISTANCE_SCALE, NUM_CUP_FEATURES, NUM_GROUND_FEATURES
-from minigolf_env.envs.task import STATE_FEATURES
+from minigolf_env.envs.observations.state import STATE_FEATURES
 
 Array = NDArray[np.float32]
 

@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 
 from minigolf_env.envs import MiniGolfEnv, Task
 from minigolf_env.envs.config import check_noise
-from minigolf_env.envs.task import MIN_STROKES_TO_FINISH, STROKES_PER_METRE, FloatArray
+from minigolf_env.envs.rewards import MIN_STROKES_TO_FINISH, STROKES_PER_METRE
+from minigolf_env.envs.task import FloatArray
 
 IntArray = NDArray[np.int64]
 

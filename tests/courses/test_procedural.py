@@ -27,7 +27,7 @@ from minigolf_env.courses.procedural.layout import Layout, generate_layout
 from minigolf_env.courses.procedural.level import BORDER_WIDTH, FELT_SURFACE, build_level
 from minigolf_env.courses.procedural.portable_rng import PortableRng
 from minigolf_env.envs import MiniGolfEnv
-from minigolf_env.envs.config import _world
+from minigolf_env.envs.config import _cached_world
 
 PINNED = {
     ("easy", 0): "7032471adce0945f",
@@ -194,7 +194,7 @@ def test_levels_are_found_by_name() -> None:
     assert load_course(course.name) is course
     wide = load_course(course.name, cup_radius=0.06).cup
     assert wide is not None and wide.radius == 0.06
-    assert _build_cached.cache_info().maxsize == _world.cache_info().maxsize == LEVEL_CACHE_SIZE
+    assert _build_cached.cache_info().maxsize == _cached_world.cache_info().maxsize == LEVEL_CACHE_SIZE
 
 
 @pytest.mark.parametrize(

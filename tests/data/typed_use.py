@@ -8,6 +8,7 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
+import minigolf_env
 from minigolf_env.courses import Course, load_course
 from minigolf_env.envs import MiniGolfEnv, MiniGolfVectorEnv, Outcome
 from minigolf_env.physics import Hit, Shot, Surface, TriangleMesh, World
@@ -32,6 +33,7 @@ assert_type(rewards, NDArray[np.float64])
 assert_type(terminations, NDArray[np.bool_])
 
 assert_type(load_course("dogleg"), Course)
+assert_type(minigolf_env.load_course("dogleg"), minigolf_env.Course)
 mesh = TriangleMesh([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1, 2)], surface=Surface(damping=0.7))
 world = World([mesh], ball_radius=0.02, gravity=(0, 0, -9.81), dt=1 / 120)
 assert_type(world.sweep(start=(0, 0, 1), end=(0, 0, -1)), Hit)

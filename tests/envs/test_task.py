@@ -10,7 +10,9 @@ import shapely
 
 from minigolf_env.envs import Task
 from minigolf_env.envs.config import build_task
-from minigolf_env.envs.task import STATE_FEATURES, Outcome, Result, action_space, observation_space, stack_tasks, take
+from minigolf_env.envs.observations.state import STATE_FEATURES, observe_state, state_space
+from minigolf_env.envs.rewards import shaped_reward, shaping_potential, strokes_reward
+from minigolf_env.envs.task import Outcome, Result, action_space, stack_tasks
 from minigolf_env.physics import WorldBatch
 
 
@@ -60,7 +62,7 @@ def test_speed_in_any_direction_is_energy_to_leave(task: Task, axis: int) -> Non
 
 def test_spaces_are_what_actions_and_observations_lie_in() -> None:
     """Putts of two numbers, observations of as many as have names, all within [-1, 1], float32."""
-    for space, n in ((action_space(), 2), (observation_space(), len(STATE_FEATURES))):
+    for space, n in ((action_space(), 2), (state_space(), len(STATE_FEATURES))):
         assert space.shape == (n,) and space.dtype == np.float32
         for value, known in ((-1.0, True), (1.0, True), (-1.01, False), (1.01, False)):
             assert space.contains(np.full(n, value, np.float32)) is known
@@ -108,7 +110,7 @@ def test_an_observation_says_where_the_ball_and_the_cup_are() -> None:
     lower, upper = np.array(task.course.bounds)
     balls = np.random.default_rng(4).uniform(lower, upper, (50, 3))
     strokes = np.arange(50) % 9
-    seen = dict(zip(STATE_FEATURES, task.observe(balls, strokes).astype(np.float64).T, strict=True))
+    seen = dict(zip(STATE_FEATURES, observe_state(task, balls, strokes).astype(np.float64).T, strict=True))
     shares = np.column_stack([seen[f"ball {axis}"] for axis in "xyz"])
     assert lower + (shares + 1.0) / 2.0 * (upper - lower) == pytest.approx(balls, abs=1e-5)
     reach, to_cup = np.hypot(*(upper - lower)[:2]), np.array(task.cup.position) - balls
@@ -119,7 +121,7 @@ def test_an_observation_says_where_the_ball_and_the_cup_are() -> None:
     straight = np.column_stack([seen[f"straight putt {axis}"] for axis in "xy"])
     assert straight == pytest.approx(seen["root of cup distance"][:, None] * to_cup[:, :2] / away[:, None], abs=1e-6)
     assert seen["strokes left"] == pytest.approx(1.0 - strokes / 8.0)
-    beyond = task.observe(np.array([upper + 1.0, lower - 1.0, task.cup.position]), np.zeros(3, np.int64))
+    beyond = observe_state(task, np.array([upper + 1.0, lower - 1.0, task.cup.position]), np.zeros(3, np.int64))
     assert (beyond[0, :3] == 1.0).all() and (beyond[1, :3] == -1.0).all() and (beyond[2, 3:9] == 0.0).all()
 
 
@@ -152,31 +154,44 @@ def test_distance_goes_along_the_nearest_leg(name: str) -> None:
         assert min(abs(distance - ways[k]) for k in nearest) < 1e-9
 
 
+def outcomes_at(positions: np.ndarray) -> Outcome:
+    """Return outcomes of strokes that end at positions (N, 3)."""
+    n = len(positions)
+    return Outcome(positions, np.zeros(n, np.int8), np.zeros(n), np.zeros(n, np.int64))
+
+
 def test_shaping_adds_a_constant_to_every_episode(task: Task) -> None:
-    """Whatever way an episode takes, shaped rewards sum to minus the strokes plus what the start is worth."""
-    shaped = build_task(reward="shaped")
+    """Shaped rewards of an episode sum to minus the strokes minus the start's potential, whatever strokes it has."""
     rng = np.random.default_rng(1)
-    start = shaped.sample_start([rng])[0]
+    start = task.sample_start([rng])[0]
     totals = []
     for strokes in (1, 2, 5):
-        worth = shaped.potential(np.array([start, *rng.uniform(0.1, 1.0, (strokes, 3))]))
-        rewards = shaped.rewards(worth[:-1], worth[1:], np.arange(1, strokes + 1) == strokes)
+        positions = np.array([start, *rng.uniform(0.1, 1.0, (strokes, 3))])
+        ended = np.arange(1, strokes + 1) == strokes
+        rewards = shaped_reward(positions[:-1], outcomes_at(positions[1:]), ended, task)
         totals.append(sum(rewards) + strokes)
     assert totals == pytest.approx([totals[0]] * 3)
-    plain = build_task(reward="strokes")
-    assert plain.rewards(plain.potential(start), plain.potential(start), np.array(False)) == -1.0
+    assert totals[0] == pytest.approx(-shaping_potential(task, start))
 
 
-def test_the_potential_is_a_stroke_and_a_share_of_the_way(task: Task) -> None:
-    """Minus one putt, and 0.3 for each metre to go; nothing where only strokes count. Rewards are its change less 1."""
+def test_shaped_reward_is_change_of_potential_less_one(task: Task) -> None:
+    """The potential is minus one stroke and minus 0.3 for each metre to go, and 0 at the end of an episode."""
     balls = np.random.default_rng(5).uniform(*task.course.bounds, (20, 3))
-    worth = task.potential(balls)
-    assert worth == pytest.approx(-1.0 - 0.3 * task.distance_to_cup(balls))
-    plain = build_task(reward="strokes").potential(balls.reshape(4, 5, 3))
-    assert plain.shape == (4, 5) and (plain == 0.0).all()
-    going = task.rewards(worth[:10], worth[10:], np.zeros(10, np.bool_))
-    assert going == pytest.approx(-1.0 + worth[10:] - worth[:10])
-    assert task.rewards(worth[:10], worth[10:], np.ones(10, np.bool_)) == pytest.approx(-1.0 - worth[:10])
+    potential = shaping_potential(task, balls)
+    assert potential == pytest.approx(-1.0 - 0.3 * task.distance_to_cup(balls))
+    assert shaping_potential(task, balls.reshape(4, 5, 3)).shape == (4, 5)
+    outcome = outcomes_at(balls[10:])
+    playing = shaped_reward(balls[:10], outcome, np.zeros(10, np.bool_), task)
+    assert playing == pytest.approx(-1.0 + potential[10:] - potential[:10])
+    ended = shaped_reward(balls[:10], outcome, np.ones(10, np.bool_), task)
+    assert ended == pytest.approx(-1.0 - potential[:10])
+
+
+def test_strokes_reward_is_minus_one_a_stroke(task: Task) -> None:
+    """Wherever the ball comes to rest, and whether the episode ends or not."""
+    balls = np.random.default_rng(5).uniform(*task.course.bounds, (20, 3))
+    ended = np.arange(10) % 2 == 0
+    assert strokes_reward(balls[:10], outcomes_at(balls[10:]), ended, task).tolist() == [-1.0] * 10
 
 
 def test_a_trace_is_the_way_of_the_stroke(task: Task) -> None:
@@ -203,17 +218,14 @@ def test_outcomes_keep_their_strokes_in_another_shape() -> None:
 
 def test_games_of_several_holes_play_each_by_its_own() -> None:
     """One task alone stays itself; of several, ball i sees, aims and plays as task i does; rows choose among them."""
-    tasks = [
-        build_task(name, max_strokes=5, putt_noise=(1.0, 0.1), tee="fixed", reward="shaped")
-        for name in ("dogleg", "hill")
-    ]
+    tasks = [build_task(name, max_strokes=5, putt_noise=(1.0, 0.1), tee="fixed") for name in ("dogleg", "hill")]
     assert stack_tasks(tasks[:1]) is stack_tasks([tasks[0]] * 3) is tasks[0]
-    assert take(tasks[0], np.array([0, 0])) is tasks[0]
+    assert tasks[0].take(np.array([0, 0])) is tasks[0]
     for rows in ([0, 1], [1, 0, 1]):
-        game = take(stack_tasks(tasks), np.array(rows))
+        game = stack_tasks(tasks).take(np.array(rows))
         mine = [tasks[i] for i in rows]
         assert game.courses == tuple(task.course for task in mine) and isinstance(game.world, WorldBatch)
-        assert (game.reward, game.max_strokes, game.random_tee, game.putt_noise) == ("shaped", 5, False, (1.0, 0.1))
+        assert (game.max_strokes, game.random_tee, game.putt_noise) == (5, False, (1.0, 0.1))
         starts = game.sample_start([np.random.default_rng(0)] * len(rows))
         aims = np.tile([0.3, 0.1], (len(rows), 1))
         draws = np.full((len(rows), 2), 0.5)
@@ -225,7 +237,7 @@ def test_games_of_several_holes_play_each_by_its_own() -> None:
             alone = task.simulate(starts[i : i + 1], putts[i : i + 1])
             assert all(one[i].tobytes() == other[0].tobytes() for one, other in zip(played, alone, strict=True))
             assert game.distance_to_cup(starts)[i] == task.distance_to_cup(starts[i])
-            assert game.potential(starts)[i] == task.potential(starts[i])
+            assert shaping_potential(game, starts)[i] == shaping_potential(task, starts[i])
 
 
 def test_rules_take_one_ball_or_many(task: Task) -> None:
@@ -233,9 +245,10 @@ def test_rules_take_one_ball_or_many(task: Task) -> None:
     rng = np.random.default_rng(2)
     positions, putts = rng.uniform(0.1, 1.0, (5, 3)), rng.uniform(-1, 1, (5, 2))
     strokes = np.arange(5)
+    observed = [observe_state(task, p, s) for p, s in zip(positions, strokes, strict=True)]
     for many, one in (
         (task.launch_velocity(putts), [task.launch_velocity(p) for p in putts]),
-        (task.observe(positions, strokes), [task.observe(p, s) for p, s in zip(positions, strokes, strict=True)]),
+        (observe_state(task, positions, strokes), observed),
         (task.distance_to_cup(positions), [task.distance_to_cup(p) for p in positions]),
         (task.is_holed(positions, positions), [task.is_holed(p, p) for p in positions]),
     ):

@@ -117,7 +117,7 @@ GOOD = {"position": (0.4, 0.5, 0.1)}
         ([GOOD, GOOD, GOOD | {"strokes": 99}], "state 2: strokes"),
         ([GOOD, GOOD, GOOD | {"strokes": 10}], "state 2: strokes: expected"),
         ([GOOD, GOOD, GOOD | {"np_random": {"state": 1}}], "state 2: np_random"),
-        ([GOOD, GOOD | {"over": True}, GOOD], "state 1: over: expected an episode that goes on"),
+        ([GOOD, GOOD | {"over": True}, GOOD], "state 1: over: expected an episode that is not over"),
         ([GOOD, GOOD | {"level": 3}, GOOD], "state 1: level: expected none"),
     ],
 )

@@ -1,4 +1,8 @@
-"""What an agent sees, by name."""
+"""Observations: the table of the registered ones.
+
+To add an observation, write a module here with a function that makes its space and a function that observes, and add
+both to ``OBSERVATIONS``.
+"""
 
 from __future__ import annotations
 
@@ -12,21 +16,23 @@ from numpy.typing import NDArray
 from minigolf_env.envs.observations.bounce_rays import bounce_ray_space, observe_bounce_rays
 from minigolf_env.envs.observations.pixels import observe_pixels, pixel_space
 from minigolf_env.envs.observations.rays import observe_rays, ray_space
-from minigolf_env.envs.task import FloatArray, TaskBatch, observation_space
+from minigolf_env.envs.observations.state import observe_state, state_space
+from minigolf_env.envs.task import FloatArray, TaskBatch
 
 
 class ObservationType(NamedTuple):
     """One kind of observation."""
 
     space: Callable[[], Space[Any]]
-    """Makes the space of one environment's observations."""
+    """Make the space of one environment's observations."""
     observe: Callable[[TaskBatch, FloatArray, NDArray[np.int64]], NDArray[Any]]
-    """From balls at positions (N, 3), m, after a number of strokes (N,) to N observations, in a new array."""
+    """Return N observations, in a new array, of balls at positions (N, 3), m, after a number of strokes (N,)."""
 
 
 OBSERVATIONS = {
-    "state": ObservationType(observation_space, TaskBatch.observe),
+    "state": ObservationType(state_space, observe_state),
     "rays": ObservationType(ray_space, observe_rays),
     "bounce_rays": ObservationType(bounce_ray_space, observe_bounce_rays),
     "pixels": ObservationType(pixel_space, observe_pixels),
 }
+"""The registered observations by name."""

@@ -1,4 +1,4 @@
-"""The observation "pixels": the course from above, drawn by the renderer."""
+"""The observation "pixels": an image of the course from above, drawn by the renderer."""
 
 from __future__ import annotations
 
@@ -14,44 +14,47 @@ from minigolf_env.envs.task import FloatArray, TaskBatch
 from minigolf_env.rendering import flag_rest_position, static_view
 
 IMAGE_SIZE = 84
-"""Pixels a side, as deep Q-networks have it."""
+"""Width and height of the image, pixels, as for deep Q-networks."""
 
-MIN_BALL_RADIUS = 2.5
-"""The ball's radius in the picture is at least this, pixels: in its true size it would be less than one."""
+MIN_BALL_PIXELS = 2.5
+"""Smallest radius of the ball in the image, pixels: in its true size it would be less than one."""
 
 STROKES_BAR_HEIGHT = 2
-"""Rows at the bottom, pixels: their white part is the share of the strokes that is left."""
+"""Height of the bar at the bottom, pixels; its white part is the share of the strokes that is left."""
 
-PIXEL_RENDER_PROFILE = "fast"
+PIXELS_PROFILE = "fast"
+"""Render profile of the image."""
 
 
 def pixel_space() -> Space[NDArray[np.uint8]]:
-    """Return the space of "pixels" observations (SIDE, SIDE, 3)."""
+    """Return the space of "pixels" observations (84, 84, 3)."""
     return cast(Space[NDArray[np.uint8]], Box(0, 255, (IMAGE_SIZE, IMAGE_SIZE, 3), np.uint8))
 
 
-def observe_pixels(game: TaskBatch, positions: FloatArray, strokes: NDArray[np.int64]) -> NDArray[np.uint8]:
-    """Return pictures (N, SIDE, SIDE, 3) of balls at positions (N, 3), m, after a number of strokes (N,).
+def observe_pixels(task: TaskBatch, positions: FloatArray, strokes: NDArray[np.int64]) -> NDArray[np.uint8]:
+    """Return images (N, 84, 84, 3) of balls at positions (N, 3), m, after a number of strokes (N,).
 
     Raises:
-        RenderingError: there is no OpenGL here.
+        RenderingError: OpenGL is not available.
     """
-    if len(game.courses) == 1:
-        drawn = _from_above(game.courses[0], positions)
+    if len(task.courses) == 1:
+        drawn = _draw_from_above(task.courses[0], positions)
     else:
-        drawn = [_from_above(course, ball[None])[0] for course, ball in zip(game.courses, positions, strict=True)]
-    pictures, left = np.stack(drawn), 1.0 - strokes / game.max_strokes
+        pairs = zip(task.courses, positions, strict=True)
+        drawn = [_draw_from_above(course, ball[None])[0] for course, ball in pairs]
+    images = np.stack(drawn)
+    left = 1.0 - strokes / task.max_strokes
     is_white = np.arange(IMAGE_SIZE) < IMAGE_SIZE * left[:, None]
-    pictures[:, -STROKES_BAR_HEIGHT:] = np.where(is_white, 255, 0)[:, None, :, None]
-    return pictures
+    images[:, -STROKES_BAR_HEIGHT:] = np.where(is_white, 255, 0)[:, None, :, None]
+    return images
 
 
-def _from_above(course: Course, balls: FloatArray) -> list[NDArray[np.uint8]]:
-    """Return the pictures of balls (N, 3), m, on a course."""
+def _draw_from_above(course: Course, balls: FloatArray) -> list[NDArray[np.uint8]]:
+    """Return the images of balls (N, 3), m, on a course."""
     from minigolf_env.rendering.gl.offscreen import draw_many
 
     camera, state = static_view(course, "top", 1.0, balls[0])
-    metre = camera.pixels_per_metre(camera.eye[2] - course.tee.height, IMAGE_SIZE)
-    state = state._replace(ball_scale=max(1.0, MIN_BALL_RADIUS / (metre * course.ball_radius)))
+    pixels_per_metre = camera.pixels_per_metre(camera.eye[2] - course.tee.height, IMAGE_SIZE)
+    state = state._replace(ball_scale=max(1.0, MIN_BALL_PIXELS / (pixels_per_metre * course.ball_radius)))
     states = [state._replace(ball=ball, flag=flag_rest_position(course)) for ball in balls]
-    return draw_many(course, camera, states, (IMAGE_SIZE, IMAGE_SIZE), PIXEL_RENDER_PROFILE)
+    return draw_many(course, camera, states, (IMAGE_SIZE, IMAGE_SIZE), PIXELS_PROFILE)
