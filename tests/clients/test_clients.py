@@ -23,15 +23,15 @@ TINY = {"putts": 256, "num_envs": 16, "num_steps": 2, "epochs": 2, "batch": 16}
 
 @pytest.mark.usefixtures("gl")
 @pytest.mark.parametrize("number", [number for number, block in enumerate(BLOCKS) if block != PROCESSES])
-def test_each_block_is_a_program(number: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """It runs by itself, without a warning."""
+def test_code_block_of_the_page_runs(number: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By itself, without a warning."""
     monkeypatch.chdir(tmp_path)
     exec(BLOCKS[number], {"__name__": "__main__"})  # noqa: S102 (our own page)
     if "RecordVideo" in BLOCKS[number]:
         assert len(list(tmp_path.rglob("*.mp4"))) == 2
 
 
-def test_the_page_has_a_block_for_each_library() -> None:
+def test_page_has_a_block_for_each_library() -> None:
     """Wrappers, their vector versions, videos, processes, stable-baselines3 in two ways."""
     names = (
         "FrameStackObservation",
@@ -44,14 +44,14 @@ def test_the_page_has_a_block_for_each_library() -> None:
     assert [next(i for i, block in enumerate(BLOCKS) if name in block) for name in names] == list(range(len(BLOCKS)))
 
 
-def test_processes_are_started_from_a_program_of_ones_own(gl: None, tmp_path: Path) -> None:
-    """A file with the block runs as it stands: new processes import it, and begin nothing of their own."""
+def test_process_block_runs_as_a_program(gl: None, tmp_path: Path) -> None:
+    """Each new process imports the file, and starts no further processes."""
     (tmp_path / "program.py").write_text(PROCESSES)
     subprocess.run([sys.executable, "program.py"], cwd=tmp_path, check=True, timeout=600)
 
 
-def test_ppo_in_one_file_plays_all_its_putts(capsys: pytest.CaptureFixture[str]) -> None:
-    """And says how it goes after each tenth of them, or each update where there are fewer."""
+def test_single_file_ppo_plays_all_its_putts(capsys: pytest.CaptureFixture[str]) -> None:
+    """It prints the progress after each tenth of them, or each update if there are fewer."""
     shares = cleanrl_ppo.main(cleanrl_ppo.Args(**TINY))
     assert len(shares) == 8 and all(0.0 <= share <= 1.0 for share in shares)
     assert capsys.readouterr().out.splitlines()[-1].startswith("     256 putts")
@@ -73,20 +73,20 @@ def update(clip: float) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
     return (after.mean - putt.mean).mean(0), value, worth
 
 
-def test_an_update_goes_where_putts_were_better() -> None:
+def test_update_moves_toward_better_putts() -> None:
     """The mean putt moves to the right, and the values to the returns, which are 1."""
     moved, before, after = update(clip=0.2)
     assert moved[0] > 0.01 and moved[0] > 2 * abs(moved[1])
     assert (after - 1).square().mean() < (before - 1).square().mean()
 
 
-def test_an_update_goes_as_far_as_it_is_let() -> None:
-    """The farther, the wider the clip."""
+def test_update_moves_further_with_a_wider_clip() -> None:
+    """For three widths."""
     near, middle, far = (update(clip)[0][0] for clip in (0.01, 0.2, 100.0))
     assert 2 * near < middle and 2 * middle < far
 
 
-def test_advantages_are_those_of_the_definition() -> None:
+def test_advantages_equal_their_definition() -> None:
     """Sums of discounted errors of the values, up to the end of an episode."""
     rng, args = np.random.default_rng(0), cleanrl_ppo.Args(gamma=0.7, gae_lambda=0.6)
     rewards, values = torch.as_tensor(rng.normal(size=(6, 3))), torch.as_tensor(rng.normal(size=(7, 3)))
@@ -101,8 +101,8 @@ def test_advantages_are_those_of_the_definition() -> None:
             assert float(found[t, n]) == pytest.approx(float(total))
 
 
-def test_the_zoos_settings_are_the_samples() -> None:
-    """Those of agents/train_ppo.py, by their names; its environments times its putts make as large an update."""
+def test_zoo_settings_equal_those_of_train_ppo() -> None:
+    """By their names; environments times steps make an update of the same size."""
     text = (DOCS / "examples" / "zoo" / "ppo.yml").read_text()
     settings = dict(re.findall(r"^  (\w+): (.+)$", text, flags=re.MULTILINE))
     args = Args()
@@ -115,8 +115,8 @@ def test_the_zoos_settings_are_the_samples() -> None:
     assert not args.anneal and "callback" not in text
 
 
-def test_the_zoo_trains(tmp_path: Path) -> None:
-    """Where it is installed: the command of the page, with few putts."""
+def test_zoo_trains(tmp_path: Path) -> None:
+    """With the command of the page and few putts, where the zoo is installed."""
     pytest.importorskip("rl_zoo3", reason="docs/clients.md says how to install it, into an environment of its own")
     command = [sys.executable, "-m", "rl_zoo3.train", "--algo", "ppo", "--env", "MiniGolf-v0"]
     command += ["--gym-packages", "minigolf_env", "--conf-file", str(DOCS / "examples" / "zoo" / "ppo.yml")]

@@ -31,16 +31,16 @@ def legs_of(env: MiniGolfEnv, **options: Any) -> NDArray[np.float64]:
 
 
 @pytest.mark.parametrize("position", [(0.5, 0.4, BALL), (2.9, 1.7, BALL)], ids=str)
-def test_the_first_leg_is_a_ray(position: tuple[float, float, float]) -> None:
-    """On level felt it is as long, less what a ray keeps apart from walls."""
+def test_first_segment_equals_a_ray(position: tuple[float, float, float]) -> None:
+    """On level felt it is as long as the ray of "rays", less the standoff from walls."""
     rays = MiniGolfEnv(observation="rays").reset(options={"position": position})[0][10 : 10 + NUM_RAYS] * MAX_RAY_LENGTH
     first = legs_of(MiniGolfEnv(observation="bounce_rays"), position=position)[:: NUM_BOUNCE_RAYS // NUM_RAYS, 0]
     near = rays < 0.999 * MAX_RAY_LENGTH
     np.testing.assert_allclose(np.hypot(*first[near, :2].T), rays[near] - HIT_STANDOFF, atol=1e-5)
 
 
-def test_echoes_go_off_walls_as_off_mirrors() -> None:
-    """Between two legs the part of the way along the wall's normal is turned around, and nothing else."""
+def test_rays_are_reflected_off_walls() -> None:
+    """At a wall the direction's part along the normal is reversed, and nothing else."""
     legs = legs_of(MiniGolfEnv(observation="bounce_rays"), position=(0.5, 0.4, BALL))
     ways = np.diff(legs[..., :2], axis=1, prepend=0.0)
     sizes = np.hypot(ways[..., 0], ways[..., 1])
@@ -56,8 +56,8 @@ def test_echoes_go_off_walls_as_off_mirrors() -> None:
     np.testing.assert_allclose(legs[..., 4:], 0.0, atol=1e-6)  # The felt is level, and the cup is no part of it.
 
 
-def test_echoes_go_over_a_hill() -> None:
-    """Where rays end at its foot: on to the walls behind, and they tell how high it is."""
+def test_bounce_rays_climb_a_hill() -> None:
+    """Where "rays" end at its foot, bounce rays reach the walls behind, and report its height."""
     env = MiniGolfEnv("hill", observation="bounce_rays", tee="fixed")
     legs = legs_of(env)
     rays = MiniGolfEnv("hill", observation="rays", tee="fixed").reset(seed=0)[0][10 : 10 + NUM_RAYS] * MAX_RAY_LENGTH
@@ -67,8 +67,8 @@ def test_echoes_go_over_a_hill() -> None:
     assert (legs[..., 5] >= legs[..., 4] - 1e-6).all() and (np.diff(legs[..., 5], axis=1) >= -1e-6).all()
 
 
-def test_echoes_do_not_fall_into_the_cup() -> None:
-    """A ray that is let down over it goes on level."""
+def test_bounce_rays_do_not_fall_into_the_cup() -> None:
+    """A ray that is brought down above the cup stays level."""
     env = MiniGolfEnv(observation="bounce_rays")
     x, y, _ = env.task.cup.position
     legs = legs_of(env, position=(x, y - RAY_STEP_LENGTH, BALL))
@@ -76,8 +76,8 @@ def test_echoes_do_not_fall_into_the_cup() -> None:
 
 
 @pytest.mark.parametrize("course", ["dogleg", "loop", "islands", "volcano", "tunnel"])
-def test_echoes_are_finite_on_every_hole(course: str) -> None:
-    """Under roofs and beside water too; normals have length 1, or 0 where a leg met no wall."""
+def test_features_are_finite_on_every_hole(course: str) -> None:
+    """Also under roofs and next to water; normals have length 1, or 0 where a segment hits no wall."""
     legs = legs_of(MiniGolfEnv(course, observation="bounce_rays"))
     assert np.isfinite(legs).all()
     sizes = np.hypot(legs[..., 2], legs[..., 3])

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from minigolf_env.envs import MiniGolfEnv, MiniGolfVectorEnv
-from minigolf_env.envs.samplers import ALL, LevelSampler
+from minigolf_env.envs.samplers import NUM_LEVELS, LevelSampler
 from tests.envs.vector_parity import Twins
 
 
@@ -24,17 +24,17 @@ def numbers(levels: LevelSampler, many: int = 2000) -> set[int]:
     return {levels.sample(rng, None) for _ in range(many)}  # type: ignore[misc]
 
 
-def test_training_and_test_levels_are_disjoint() -> None:
-    """A set is start_level ... start_level + num_levels - 1, all of it; 0 stands for all there are."""
+def test_level_sets_do_not_overlap() -> None:
+    """A set is all of start_level ... start_level + num_levels - 1; num_levels = 0 stands for all levels."""
     train = numbers(LevelSampler(lambda n: n, 0, 50))  # type: ignore[arg-type, return-value]
     test = numbers(LevelSampler(lambda n: n, 50, 20))  # type: ignore[arg-type, return-value]
     assert train == set(range(50)) and test == set(range(50, 70))
     everything = numbers(LevelSampler(lambda n: n, 50, 0))  # type: ignore[arg-type, return-value]
-    assert len(everything) > 1990 and min(everything) < ALL / 100 and max(everything) > 0.99 * ALL
+    assert len(everything) > 1990 and min(everything) < NUM_LEVELS / 100 and max(everything) > 0.99 * NUM_LEVELS
 
 
-def test_the_level_is_drawn_at_reset() -> None:
-    """From the environment's own generator, so that a seed gives the same levels again; info names it."""
+def test_reset_draws_a_level() -> None:
+    """It comes from the environment's own generator, so that a seed gives the same levels again; info names it."""
     env, twin = make(num_levels=20, start_level=100), make(num_levels=20, start_level=100)
     first = [env.reset(seed=4 if k == 0 else None)[1] for k in range(12)]
     again = [twin.reset(seed=4 if k == 0 else None)[1] for k in range(12)]
@@ -48,8 +48,8 @@ def test_the_level_is_drawn_at_reset() -> None:
     )
 
 
-def test_a_level_can_be_chosen() -> None:
-    """Also one outside the set; the next reset draws again."""
+def test_reset_option_selects_a_level() -> None:
+    """Also one outside the set; the next reset draws a level again."""
     env = make(num_levels=1, difficulty="medium", observation="rays")
     observation, info = env.reset(seed=0, options={"level": 17})
     assert info["level"] == 17 and info["course"] == "procedural-v1-medium-17"
@@ -60,8 +60,8 @@ def test_a_level_can_be_chosen() -> None:
     assert env.get_state()["position"] == place
 
 
-def test_a_state_holds_its_level() -> None:
-    """Another environment goes on from it, with the same bits; so does an unpickled copy."""
+def test_state_includes_the_level() -> None:
+    """Another environment resumes it with the same bits; so does an unpickled copy."""
     env, other = make(difficulty="hard", num_levels=3), make(difficulty="hard", num_levels=1)
     env.reset(seed=8, options={"level": 2})
     env.step([0.4, 0.2])
@@ -79,16 +79,16 @@ def test_a_state_holds_its_level() -> None:
 
 @pytest.mark.parametrize("observation", ["state", "rays"])
 @pytest.mark.parametrize("mode", ["NextStep", "SameStep", "Disabled"])
-def test_each_environment_of_a_batch_equals_a_single_one(mode: str, observation: str) -> None:
-    """Environment i is a single environment seeded seed + i, bit for bit, each on levels of its own."""
+def test_batch_on_levels_equals_single_environments_bitwise(mode: str, observation: str) -> None:
+    """Environment i is a single environment seeded with seed + i, each on its own levels."""
     options: dict[str, Any] = {"difficulty": "medium", "num_levels": 6, "max_strokes": 2, "observation": observation}
     twins = Twins(mode, 5, seed=7, course="procedural", **options)
     assert len({state["level"] for state in twins.batch.get_state()}) > 1
     twins.play(7)
 
 
-def test_a_batch_plays_chosen_levels() -> None:
-    """One for all, or one each; where only some are reset, the others play on."""
+def test_batch_plays_selected_levels() -> None:
+    """One level for all, or one each; if only some environments are reset, the others continue."""
     batch = MiniGolfVectorEnv(3, "procedural", num_levels=4, autoreset_mode="Disabled")
     assert batch.reset(seed=0, options={"level": [9, 11, 9]})[1]["level"].tolist() == [9, 11, 9]
     mask = np.array([False, True, False])
@@ -99,8 +99,8 @@ def test_a_batch_plays_chosen_levels() -> None:
     assert batch.step(np.zeros((3, 2)))[-1]["level"].tolist() == [9, 30, 9]
 
 
-def test_a_film_goes_from_level_to_level() -> None:
-    """Each picture shows the level that was played then."""
+def test_frames_show_the_level_being_played() -> None:
+    """Each frame of rgb_array_list shows the level that was played then."""
     options: dict[str, Any] = {"render_size": (64, 48), "camera": "top", "render_profile": "fast"}
     film, still = make(render_mode="rgb_array_list", **options), make(render_mode="rgb_array", **options)
     film.reset(seed=0, options={"level": 1})
@@ -130,15 +130,15 @@ def test_a_film_goes_from_level_to_level() -> None:
         ({"reward": "sparse"}, "reward"),
     ],
 )
-def test_bad_arguments_are_named(options: dict[str, Any], message: str) -> None:
-    """When the environment is made, not at its first reset."""
+def test_level_argument_error_names_the_argument(options: dict[str, Any], message: str) -> None:
+    """It is raised when the environment is made, not at its first reset."""
     with pytest.raises(ValueError, match=message):
         MiniGolfEnv(**({"course": "procedural"} | options))
 
 
 @pytest.mark.parametrize("level", [-1, 2**31, 1.5, "17", True, None])
-def test_levels_that_are_none(level: Any) -> None:
-    """A reset is refused and changes nothing."""
+def test_reset_rejects_invalid_level(level: Any) -> None:
+    """The environment stays as it was."""
     env = make(num_levels=2)
     before = env.reset(seed=1)[1]
     if level is None:

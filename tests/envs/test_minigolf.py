@@ -50,28 +50,28 @@ def env() -> MiniGolfEnv:
 
 
 @pytest.mark.parametrize("reward", ["strokes", "shaped"])
-def test_both_environment_checkers_accept_it(reward: str) -> None:
+def test_environment_checkers_accept_the_environment(reward: str) -> None:
     """Gymnasium's and stable-baselines3's checkers find nothing; a warning would be an error here."""
     check_env(gym.make("MiniGolf-v0", reward=reward).unwrapped, skip_render_check=True)  # There is no display.
     pytest.importorskip("stable_baselines3.common.env_checker").check_env(gym.make("MiniGolf-v0", reward=reward))
 
 
-def test_a_fresh_process_can_make_it_by_module_name() -> None:
+def test_fresh_process_makes_environment_by_module_name() -> None:
     """gym.make("minigolf_env:MiniGolf-v0") needs no import."""
     code = "import gymnasium as gym; print(gym.make('minigolf_env:MiniGolf-v0').reset(seed=0)[1]['status'])"
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "tee"
 
 
-def test_same_seed_same_bits() -> None:
+def test_same_seed_gives_same_bits() -> None:
     """Two environments with one seed agree in every bit, putt noise included."""
     options: dict[str, Any] = {"putt_noise": (0.5, 0.015)}
     assert same(play(MiniGolfEnv(**options), 30, seed=5), play(MiniGolfEnv(**options), 30, seed=5))
     assert not same(play(MiniGolfEnv(**options), 3, seed=5), play(MiniGolfEnv(**options), 3, seed=6))
 
 
-def test_returned_types_are_plain(env: MiniGolfEnv) -> None:
-    """Reward is a float, the flags are bools, the observation a new float32 array inside its space."""
+def test_reset_and_step_return_plain_types(env: MiniGolfEnv) -> None:
+    """The reward is a float, the flags are bools, the observation is a new float32 array in its space."""
     first, reward, terminated, truncated, info = env.step(np.array([0.1, 0.0], dtype=np.float32))
     second = env.step(np.array([0.1, 0.0], dtype=np.float32))[0]
     assert type(reward) is float and type(terminated) is bool and type(truncated) is bool
@@ -87,8 +87,8 @@ def test_returned_types_are_plain(env: MiniGolfEnv) -> None:
     ]
 
 
-def test_set_state_goes_back(env: MiniGolfEnv) -> None:
-    """get_state and set_state repeat an episode bit for bit, also in another environment."""
+def test_set_state_repeats_an_episode_bitwise(env: MiniGolfEnv) -> None:
+    """Also in another environment."""
     state = env.get_state()
     action = np.array([0.4, 0.3], dtype=np.float32)
     expected = [env.step(action), env.step(action), env.reset()]
@@ -130,8 +130,8 @@ def test_set_state_goes_back(env: MiniGolfEnv) -> None:
         ({"position": (0.6, 0.6, 10**400)}, "position: expected numbers"),
     ],
 )
-def test_a_bad_state_is_refused_and_changes_nothing(env: MiniGolfEnv, state: dict[str, Any], word: str) -> None:
-    """set_state takes all or nothing."""
+def test_invalid_state_is_rejected_and_changes_nothing(env: MiniGolfEnv, state: dict[str, Any], word: str) -> None:
+    """set_state sets all of a state or nothing."""
     before = env.get_state()
     with pytest.raises(ValueError, match=word):
         env.set_state(state)
@@ -144,8 +144,8 @@ NO_NUMBERS: list[Any] = [["0.1", "0.2"], [10**400, 0], np.array([0.1j, 0.2]), np
 
 
 @pytest.mark.parametrize("action", BAD_ACTIONS + NO_NUMBERS)
-def test_a_bad_action_is_refused_and_changes_nothing(env: MiniGolfEnv, action: Any) -> None:
-    """An action of the wrong shape or value raises and leaves the state."""
+def test_invalid_action_is_rejected_and_changes_nothing(env: MiniGolfEnv, action: Any) -> None:
+    """An action of a wrong shape or value raises an error."""
     before = env.get_state()
     with pytest.raises(ValueError, match="action"):
         env.step(action)
@@ -153,8 +153,8 @@ def test_a_bad_action_is_refused_and_changes_nothing(env: MiniGolfEnv, action: A
 
 
 @pytest.mark.parametrize("options", [5, "tee", [("position", (0.6, 0.6, 0.1))], {"tee": 1}, {5: 1, "tee": 2}])
-def test_bad_reset_options_are_refused_and_change_nothing(env: MiniGolfEnv, options: Any) -> None:
-    """A dict of known keys, or nothing; in a batch, too."""
+def test_invalid_reset_options_are_rejected_and_change_nothing(env: MiniGolfEnv, options: Any) -> None:
+    """Valid options are None or a dict of known keys; in a batch, too."""
     before, batch = env.get_state(), MiniGolfVectorEnv(2)
     for some in (env, batch):
         with pytest.raises(ValueError, match="options: expected"):
@@ -185,15 +185,15 @@ def test_bad_reset_options_are_refused_and_change_nothing(env: MiniGolfEnv, opti
         ({"course": "procedual"}, "did you mean 'procedural'"),
     ],
 )
-def test_bad_arguments_are_named(options: dict[str, Any], words: str) -> None:
-    """A wrong argument is a ValueError that names it."""
+def test_argument_error_names_the_argument(options: dict[str, Any], words: str) -> None:
+    """A wrong argument raises a ValueError that names it."""
     with pytest.raises(ValueError, match=words):
         MiniGolfEnv(**options)
 
 
 @pytest.mark.parametrize("course", ["dogleg", "round", "procedural"])
-def test_unknown_arguments_are_type_errors(course: str) -> None:
-    """Names of what the rules hold inside, too."""
+def test_unknown_argument_is_a_type_error(course: str) -> None:
+    """Also the names of internal fields."""
     for options in ({"level": 17}, {"hole": 3}, {"random_tee": True}):
         for make in (
             lambda **given: MiniGolfEnv(course, **given),
@@ -204,8 +204,8 @@ def test_unknown_arguments_are_type_errors(course: str) -> None:
 
 
 @pytest.mark.parametrize("over", [True, np.True_])
-def test_an_episode_of_all_strokes_is_over(over: Any) -> None:
-    """Its state can be set; it says that it is over."""
+def test_state_after_the_last_stroke_is_over(over: Any) -> None:
+    """It can be set, and reports that the episode is over."""
     env = MiniGolfEnv()
     env.set_state({"position": (0.6, 0.6, 0.1), "strokes": 10, "over": over})
     state = env.get_state()
@@ -214,8 +214,8 @@ def test_an_episode_of_all_strokes_is_over(over: Any) -> None:
         env.step(np.zeros(2))
 
 
-def test_playing_without_a_ball_is_refused() -> None:
-    """A step before reset and after the end ask for a reset."""
+def test_step_before_reset_and_after_the_end_asks_for_reset() -> None:
+    """Both raise ResetNeeded."""
     env = MiniGolfEnv(max_strokes=np.int64(1))  # type: ignore[arg-type]
     with pytest.raises(ResetNeeded):
         env.step(np.zeros(2))
@@ -225,8 +225,8 @@ def test_playing_without_a_ball_is_refused() -> None:
         env.step(np.zeros(2))
 
 
-def test_the_last_stroke_terminates() -> None:
-    """After max_strokes the episode is terminated, not truncated, and the strokes left are observed."""
+def test_last_stroke_terminates_the_episode() -> None:
+    """It is terminated, not truncated, and the strokes left are observed."""
     env = MiniGolfEnv(max_strokes=3)
     observation, _ = env.reset(seed=0)
     left = [observation[-1]]
@@ -240,8 +240,8 @@ def test_the_last_stroke_terminates() -> None:
     assert info["strokes"] == 3 and not info["is_success"]
 
 
-def test_the_tee_is_random_or_fixed() -> None:
-    """Random starts fill the tee box and differ; the fixed one is its middle."""
+def test_tee_is_random_or_fixed() -> None:
+    """Random starts fill the tee box; the fixed start is its middle."""
     env = MiniGolfEnv()
     tee = env.task.course.tee
     starts = np.array([env.reset(seed=seed) and env.get_state()["position"][:2] for seed in range(200)])
@@ -252,8 +252,8 @@ def test_the_tee_is_random_or_fixed() -> None:
     assert np.allclose(fixed.get_state()["position"][:2], np.add(tee.lower, tee.upper) / 2)
 
 
-def test_a_dropped_ball_is_holed() -> None:
-    """A soft putt beside the cup drops in: terminated, with success, below the rim."""
+def test_ball_that_drops_into_the_cup_is_holed() -> None:
+    """A soft putt next to the cup: terminated, with success, below the rim."""
     env = MiniGolfEnv()
     x, y, rim = env.task.cup.position
     env.reset(options={"position": (x - 0.15, y, rim + env.task.world.ball_radius)})
@@ -264,8 +264,8 @@ def test_a_dropped_ball_is_holed() -> None:
     assert reward > -1.0
 
 
-def test_what_if_is_what_happens(env: MiniGolfEnv) -> None:
-    """what_if foretells step bit for bit and moves nothing."""
+def test_what_if_predicts_step_bitwise(env: MiniGolfEnv) -> None:
+    """It moves nothing."""
     putts = np.random.default_rng(0).uniform(-1, 1, (20, 2)).astype(np.float32)
     before = env.get_state()
     outcome = env.what_if(putts)
@@ -277,8 +277,8 @@ def test_what_if_is_what_happens(env: MiniGolfEnv) -> None:
         assert info["is_success"] == holed
 
 
-def test_noise_spreads_putts_around_the_aim() -> None:
-    """putt_noise turns direction and scales speed by the stated standard deviations."""
+def test_putt_noise_has_the_given_standard_deviations() -> None:
+    """It turns the direction and scales the speed of putts."""
     env = MiniGolfEnv(putt_noise=(2.0, 0.05), top_speed=2.0)
     rngs = [np.random.default_rng(seed) for seed in range(4000)]
     launched = env.task.launch_velocity(np.tile([0.5, 0.0], (4000, 1)), env.task.sample_noise(rngs))

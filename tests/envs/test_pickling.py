@@ -29,8 +29,8 @@ COPIES: dict[str, Callable[[Any], Any]] = {
 
 @pytest.mark.parametrize("how", COPIES)
 @pytest.mark.parametrize(("name", "mode"), MADE)
-def test_a_copy_goes_on_alike(name: str, mode: str | None, how: str) -> None:
-    """From the middle of an episode, twice, and the original and an earlier copy do not notice."""
+def test_copy_continues_with_the_same_bits(name: str, mode: str | None, how: str) -> None:
+    """It is made in the middle of an episode; the original and an earlier copy do not change."""
     env = make(name, mode)
     env.reset(seed=3)
     play(env, 3, 0)
@@ -44,8 +44,8 @@ def test_a_copy_goes_on_alike(name: str, mode: str | None, how: str) -> None:
 
 @pytest.mark.parametrize("how", COPIES)
 @pytest.mark.parametrize("mode", [None, "NextStep"])
-def test_a_copy_of_what_has_not_begun_has_not_begun(mode: str | None, how: str) -> None:
-    """Its first reset is as good as any."""
+def test_copy_before_the_first_reset_needs_a_reset(mode: str | None, how: str) -> None:
+    """After it, it plays as the original does."""
     env = make("levels", mode)
     twin = COPIES[how](env)
     with pytest.raises(ResetNeeded):
@@ -56,8 +56,8 @@ def test_a_copy_of_what_has_not_begun_has_not_begun(mode: str | None, how: str) 
 
 @pytest.mark.parametrize("how", COPIES)
 @pytest.mark.parametrize("mode", [None, "SameStep"])
-def test_a_copy_shows_the_same_pictures(mode: str | None, how: str, gl: None) -> None:
-    """What has been played and not been looked at yet goes with it."""
+def test_copy_renders_the_same_frames(mode: str | None, how: str, gl: None) -> None:
+    """Frames that were not rendered yet are copied, too."""
     show: dict[str, Any] = {"render_mode": "rgb_array_list", "render_size": (32, 24), "render_profile": "fast"}
     env: Any = MiniGolfEnv(**show) if mode is None else MiniGolfVectorEnv(2, autoreset_mode=mode, **show)
     env.reset(seed=3)
@@ -69,8 +69,8 @@ def test_a_copy_shows_the_same_pictures(mode: str | None, how: str, gl: None) ->
 
 
 @pytest.mark.parametrize("method", multiprocessing.get_all_start_methods())
-def test_another_process_goes_on_alike(method: str) -> None:
-    """However it was started."""
+def test_other_process_continues_with_the_same_bits(method: str) -> None:
+    """For every start method."""
     command = [sys.executable, "-W", "error", "-m", "tests.envs.pickling", method]
     done = subprocess.run(command, cwd=ROOT, text=True, capture_output=True, timeout=600, check=False)
     lines = [line.split() for line in done.stdout.splitlines()]
@@ -87,8 +87,8 @@ def hasty() -> Iterator[None]:
     sys.setswitchinterval(before)
 
 
-def test_threads_do_not_disturb_each_other(hasty: None, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Environments and batches, made and played in threads at once, see what they see alone."""
+def test_environments_in_threads_do_not_affect_each_other(hasty: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Environments and batches made and played in threads see the same as alone."""
     monkeypatch.setattr(thread_pool, "_num_threads", lambda: 2)
 
     def one(which: int) -> str:

@@ -23,7 +23,7 @@ def at(x: float, y: float) -> NDArray[Any]:
 
 
 def test_rays_end_at_the_borders() -> None:
-    """On the first leg of the dogleg: to the borders along x and y, less the ball's radius."""
+    """On the dogleg's first part their lengths are the distances to the borders, less the ball's radius."""
     felt = at(0.5, 0.4)[:NUM_RAYS] * MAX_RAY_LENGTH
     np.testing.assert_allclose(felt[NUM_RAYS // 4], 1.25 - 0.4 - BALL, atol=1e-6)
     np.testing.assert_allclose(felt[NUM_RAYS // 2], 0.5 - BALL, atol=1e-6)
@@ -31,8 +31,8 @@ def test_rays_end_at_the_borders() -> None:
     np.testing.assert_allclose(felt[5 * NUM_RAYS // 8], (0.4 - BALL) * np.sqrt(2.0), atol=1e-6)
 
 
-def test_a_ball_goes_as_far_as_its_ray() -> None:
-    """Moved by a ray's length the ball touches, moved a little less it does not, moved more it intersects."""
+def test_ball_moved_along_its_ray_touches() -> None:
+    """At the end of a ray the ball's clearance is zero."""
     env = MiniGolfEnv(observation="rays")
     world = env.task.world
     rng = np.random.default_rng(0)
@@ -47,14 +47,14 @@ def test_a_ball_goes_as_far_as_its_ray() -> None:
                 assert abs(world.clearance(touching)) < 1e-6
 
 
-def test_the_ground_is_felt() -> None:
-    """Level felt: no drop, no slope. Over the cup the ground is further down."""
+def test_ground_features_are_depth_and_slope() -> None:
+    """Level felt has no depth and no slope. Above the cup the ground is further down."""
     np.testing.assert_array_equal(at(1.0, 0.3)[NUM_RAYS : NUM_RAYS + 3], [0.0, 0.0, 0.0])
     assert at(3.45, 2.1)[NUM_RAYS] > 0.1
 
 
-def test_the_cup_is_seen_in_one_scale_on_every_hole() -> None:
-    """The direction to it, as long as the root of its distance, 1 is 8 m; its height above the ball's centre, m."""
+def test_cup_features_have_the_same_scale_on_every_hole() -> None:
+    """They are the direction, as long as the root of the distance in units of 8 m, and the height above the ball, m."""
     for name in ("dogleg", "hill"):
         env = MiniGolfEnv(name, observation="rays", tee="fixed")
         observed = np.asarray(env.reset(seed=0)[0][-3:], dtype=np.float64)
@@ -66,8 +66,8 @@ def test_the_cup_is_seen_in_one_scale_on_every_hole() -> None:
 
 @pytest.mark.parametrize("observation", ["rays", "bounce_rays"])
 @pytest.mark.parametrize("course", ["dogleg", "procedural"])
-def test_a_batch_feels_what_single_environments_do(course: str, observation: str) -> None:
-    """Bit for bit."""
+def test_batch_observes_what_single_environments_do_bitwise(course: str, observation: str) -> None:
+    """With both kinds of rays."""
     batch = MiniGolfVectorEnv(5, course, observation=observation)
     singles = [MiniGolfEnv(course, observation=observation) for _ in range(5)]
     observed = batch.reset(seed=3)[0]
@@ -79,6 +79,6 @@ def test_a_batch_feels_what_single_environments_do(course: str, observation: str
 
 
 @pytest.mark.parametrize("observation", ["rays", "bounce_rays"])
-def test_the_checker_accepts_rays_and_echoes(observation: str) -> None:
-    """Gymnasium's; there is no display here."""
+def test_checker_accepts_ray_observations(observation: str) -> None:
+    """Gymnasium's checker, without rendering: there is no display here."""
     check_env(gym.make("MiniGolf-v0", observation=observation).unwrapped, skip_render_check=True)

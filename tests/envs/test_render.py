@@ -30,8 +30,8 @@ def frames_of(shot_time: float) -> int:
 
 
 @pytest.mark.parametrize("camera", ["follow", "top", "tee", "orbit"])
-def test_rgb_array_is_a_picture_of_the_present_state(camera: str) -> None:
-    """(H, W, 3) uint8, new each time, the same until something happens, another after a putt."""
+def test_rgb_array_shows_the_present_state(camera: str) -> None:
+    """(H, W, 3) uint8; a new array each time, equal until something happens, different after a putt."""
     env = MiniGolfEnv(render_mode="rgb_array", camera=camera, **SMALL)
     env.reset(seed=0)
     first, again = env.render(), env.render()
@@ -41,8 +41,8 @@ def test_rgb_array_is_a_picture_of_the_present_state(camera: str) -> None:
     assert (env.render() != first).any()
 
 
-def test_rgb_array_list_has_every_picture_since_the_last_call() -> None:
-    """One of the tee, then RENDER_FPS a second of each putt; then it is empty; a reset begins anew."""
+def test_rgb_array_list_holds_all_frames_since_the_last_call() -> None:
+    """One frame of the tee, then RENDER_FPS a second of each putt; then it is empty; a reset starts again."""
     env = MiniGolfEnv(render_mode="rgb_array_list", **SMALL)
     env.reset(seed=0)
     assert len(env.render()) == 1 and env.render() == []
@@ -55,8 +55,8 @@ def test_rgb_array_list_has_every_picture_since_the_last_call() -> None:
     assert len(env.render()) == 1
 
 
-def test_lists_of_consecutive_putts_are_one_film() -> None:
-    """However often render is called, the pictures are the same."""
+def test_frames_do_not_depend_on_how_often_render_is_called() -> None:
+    """Frames of several calls are those of one."""
     one, many = (MiniGolfEnv(render_mode="rgb_array_list", **SMALL) for _ in range(2))
     one.reset(seed=3), many.reset(seed=3)
     pieces = many.render()
@@ -67,7 +67,7 @@ def test_lists_of_consecutive_putts_are_one_film() -> None:
 
 
 def test_rendering_changes_no_result() -> None:
-    """An environment that is looked at plays as one that is not."""
+    """An environment that is rendered gives the same results as one that is not."""
     plain, shown = (
         MiniGolfEnv(putt_noise=(1.0, 0.05)),
         MiniGolfEnv(putt_noise=(1.0, 0.05), render_mode="rgb_array", **SMALL),
@@ -80,8 +80,8 @@ def test_rendering_changes_no_result() -> None:
         shown.render()
 
 
-def test_without_a_render_mode_render_is_none_and_nothing_is_kept() -> None:
-    """As Gymnasium has it; and no path is computed."""
+def test_without_render_mode_render_returns_none_and_keeps_nothing() -> None:
+    """As in Gymnasium; and no path is computed."""
     env = MiniGolfEnv()
     env.reset(seed=0)
     env.step(PUTT)
@@ -89,15 +89,15 @@ def test_without_a_render_mode_render_is_none_and_nothing_is_kept() -> None:
     assert env.renderer._pending == []
 
 
-def test_render_before_reset_says_so() -> None:
+def test_render_before_reset_asks_for_reset() -> None:
     """There is no ball yet."""
     for env in (MiniGolfEnv(render_mode="rgb_array"), MiniGolfVectorEnv(2, render_mode="rgb_array")):
         with pytest.raises(ResetNeeded):
             env.render()
 
 
-def test_render_after_close_still_draws() -> None:
-    """An environment owns nothing of OpenGL, so that closing it takes nothing away."""
+def test_render_works_after_close() -> None:
+    """An environment owns no OpenGL object that closing would release."""
     env = MiniGolfEnv(render_mode="rgb_array", **SMALL)
     env.reset(seed=0)
     before = env.render()
@@ -105,8 +105,8 @@ def test_render_after_close_still_draws() -> None:
     np.testing.assert_array_equal(env.render(), before)
 
 
-def test_copies_and_pickles_show_the_same() -> None:
-    """With what they have not shown yet."""
+def test_copies_render_the_same_frames() -> None:
+    """Also the frames that were not rendered yet."""
     env = MiniGolfEnv(render_mode="rgb_array_list", **SMALL)
     env.reset(seed=0)
     env.step(PUTT)
@@ -130,15 +130,15 @@ def test_copies_and_pickles_show_the_same() -> None:
         ({"observation": "pixel"}, "observation.*did you mean 'pixels'"),
     ],
 )
-def test_bad_arguments_are_named(options: dict[str, Any], words: str) -> None:
-    """A wrong argument is a ValueError at the door, of both environments."""
+def test_render_argument_error_names_the_argument(options: dict[str, Any], words: str) -> None:
+    """Both environments raise a ValueError when they are made."""
     for make in (MiniGolfEnv, lambda **kw: MiniGolfVectorEnv(2, **kw)):
         with pytest.raises(ValueError, match=words):
             make(**options)
 
 
 def test_human_without_a_display_says_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The display is looked for when something is to be shown."""
+    """The display is opened when something is to be shown."""
     monkeypatch.delenv("DISPLAY", raising=False)
     env = MiniGolfEnv(render_mode="human")
     with pytest.raises(RenderingError, match=r"display.*xvfb.*rgb_array"):
@@ -146,8 +146,8 @@ def test_human_without_a_display_says_what_to_do(monkeypatch: pytest.MonkeyPatch
 
 
 @pytest.mark.parametrize("mode", ["rgb_array", "rgb_array_list"])
-def test_a_batch_shows_what_its_environments_would(mode: str) -> None:
-    """A tuple with one entry an environment, equal to the single one's, in two steps."""
+def test_batch_renders_what_single_environments_do(mode: str) -> None:
+    """A tuple with one entry for each environment, over two steps."""
     batch = MiniGolfVectorEnv(3, render_mode=mode, **SMALL)
     singles = [MiniGolfEnv(render_mode=mode, **SMALL) for _ in range(3)]
     batch.reset(seed=5)
@@ -164,15 +164,15 @@ def test_a_batch_shows_what_its_environments_would(mode: str) -> None:
             single.step(action)
 
 
-def test_a_batch_without_a_render_mode_shows_nothing() -> None:
-    """And keeps nothing for it."""
+def test_batch_without_render_mode_renders_nothing() -> None:
+    """render() returns None."""
     batch = MiniGolfVectorEnv(2)
     batch.reset(seed=0)
     assert batch.render() is None
 
 
-def test_the_last_putt_is_still_seen_after_an_automatic_reset() -> None:
-    """SameStep resets before anyone can look."""
+def test_last_putt_is_rendered_after_autoreset() -> None:
+    """SameStep resets before render() can be called."""
     batch = MiniGolfVectorEnv(1, render_mode="rgb_array_list", autoreset_mode="SameStep", max_strokes=1, **SMALL)
     batch.reset(seed=0)
     batch.render()
@@ -182,8 +182,8 @@ def test_the_last_putt_is_still_seen_after_an_automatic_reset() -> None:
         assert len(pictures) == frames_of(info["final_info"]["shot_time"][0]) + 1
 
 
-def test_a_putt_is_shown_on_its_hole_whoever_looked_away() -> None:
-    """Its pictures are the same, whether the holes before it were looked at or not."""
+def test_putt_is_rendered_on_its_hole_if_earlier_ones_were_not() -> None:
+    """Its frames are the same whether the holes before it were rendered or not."""
     options: dict[str, Any] = {"render_mode": "rgb_array_list", "autoreset_mode": "SameStep", "max_strokes": 1}
     often, once = (MiniGolfVectorEnv(1, "round", **options, **SMALL) for _ in range(2))
     often.reset(seed=0)
@@ -196,7 +196,7 @@ def test_a_putt_is_shown_on_its_hole_whoever_looked_away() -> None:
 
 
 def test_pixels_show_ball_cup_and_strokes_left() -> None:
-    """The picture changes where the ball goes; its bar is as long as the strokes left."""
+    """The image changes where the ball moves; its bar is as long as the strokes left."""
     env = MiniGolfEnv(observation="pixels", max_strokes=4)
     first, _ = env.reset(seed=0)
     assert env.observation_space.contains(first) and first.shape == (IMAGE_SIZE, IMAGE_SIZE, 3)
@@ -206,8 +206,8 @@ def test_pixels_show_ball_cup_and_strokes_left() -> None:
     assert 8 < len(moved) < 0.1 * IMAGE_SIZE * IMAGE_SIZE
 
 
-def test_pixels_of_a_batch_are_those_of_single_environments() -> None:
-    """Bit for bit, through an automatic reset."""
+def test_batch_pixels_equal_single_environments_bitwise() -> None:
+    """Through an automatic reset."""
     batch = MiniGolfVectorEnv(4, observation="pixels", max_strokes=2)
     seen: list[NDArray[Any]] = [batch.reset(seed=7)[0]]
     rng = np.random.default_rng(0)
@@ -225,6 +225,6 @@ def test_pixels_of_a_batch_are_those_of_single_environments() -> None:
 
 
 def test_checkers_accept_pixels() -> None:
-    """Gymnasium's and stable-baselines3's; windows apart, for which there is no display here."""
+    """Gymnasium's and stable-baselines3's, without windows: there is no display here."""
     check_env(gym.make("MiniGolf-v0", observation="pixels").unwrapped, skip_render_check=True)
     pytest.importorskip("stable_baselines3.common.env_checker").check_env(gym.make("MiniGolf-v0", observation="pixels"))

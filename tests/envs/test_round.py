@@ -24,19 +24,18 @@ def make(**options: Any) -> MiniGolfEnv:
     return MiniGolfEnv(ROUND_COURSE, **options)
 
 
-def test_the_holes_come_in_turn() -> None:
+def test_holes_are_played_in_turn() -> None:
     """The nine in the order of the list, then the first again; info names and counts them."""
     env = make()
     infos = [env.reset(seed=3 if k == 0 else None)[1] for k in range(len(ROUND_HOLES) + 2)]
-    assert [info["course"] for info in infos] == [*ROUND_HOLES, *ROUND_HOLES[:2]] and list(
-        ROUND_HOLES
-    ) == list_courses()[:9]
+    assert [info["course"] for info in infos] == [*ROUND_HOLES, *ROUND_HOLES[:2]]
+    assert list(ROUND_HOLES) == list_courses()[:9]
     assert [info["hole"] for info in infos] == [*range(1, 10), 1, 2]
     assert all(type(info["hole"]) is int and par_of(info["course"]) for info in infos)
 
 
-def test_each_hole_is_the_hole_itself() -> None:
-    """The same observations, putts and rewards as an environment on that hole alone, within the one space."""
+def test_hole_of_the_round_equals_the_hole_alone() -> None:
+    """The observations, putts and rewards are those of an environment on that hole, in the same spaces."""
     env = make(tee="fixed", observation="rays")
     for number, name in enumerate(ROUND_HOLES, 1):
         alone = MiniGolfEnv(name, tee="fixed", observation="rays")
@@ -49,8 +48,8 @@ def test_each_hole_is_the_hole_itself() -> None:
         assert played[-1] == {**other[-1], "hole": number} and played[-1]["is_success"]
 
 
-def test_a_seed_begins_the_round_anew() -> None:
-    """Whatever was played before: the same bits. A reset without one goes on, also from a chosen hole."""
+def test_seed_restarts_the_round() -> None:
+    """With the same bits. A reset without a seed continues, also after a selected hole."""
     env = make()
     first = env.reset(seed=6)[0].tobytes(), env.reset()[0].tobytes()
     assert env.reset(options={"hole": 7})[1]["hole"] == 7 and env.reset()[1]["hole"] == 8
@@ -58,8 +57,8 @@ def test_a_seed_begins_the_round_anew() -> None:
     check_env(gym.make("MiniGolf-v0", course=ROUND_COURSE).unwrapped, skip_render_check=True)
 
 
-def test_a_state_holds_its_hole() -> None:
-    """Another environment, and an unpickled copy, go on from it: this putt and the holes after it."""
+def test_state_includes_the_hole() -> None:
+    """Another environment, and an unpickled copy, resume it: this putt and the holes after it."""
     env, other = make(max_strokes=2), make(max_strokes=2)
     env.reset(seed=8, options={"hole": 4})
     env.step([0.4, 0.2])
@@ -76,8 +75,8 @@ def test_a_state_holds_its_hole() -> None:
 
 @pytest.mark.parametrize("observation", ["state", "rays"])
 @pytest.mark.parametrize("mode", ["NextStep", "SameStep", "Disabled"])
-def test_each_environment_of_a_batch_plays_its_own_round(mode: str, observation: str) -> None:
-    """Environment i is a single environment seeded seed + i, bit for bit, though they get to holes at other times."""
+def test_batch_on_the_round_equals_single_environments_bitwise(mode: str, observation: str) -> None:
+    """Environment i is a single environment seeded with seed + i, though they reach holes at different times."""
     options: dict[str, Any] = {"max_strokes": 3, "observation": observation}
     batch = gym.make_vec("MiniGolf-v0", num_envs=N, course=ROUND_COURSE, autoreset_mode=mode, **options)
     singles = [make(**options) for _ in range(N)]
@@ -116,8 +115,8 @@ def test_each_environment_of_a_batch_plays_its_own_round(mode: str, observation:
     batch.close()
 
 
-def test_seeds_of_a_batch_begin_its_rounds_anew() -> None:
-    """Those that are named; the others go on."""
+def test_seeds_restart_the_rounds_of_a_batch() -> None:
+    """Environments without a seed continue."""
     batch = MiniGolfVectorEnv(3, ROUND_COURSE)
     first, _ = batch.reset(seed=1)
     assert batch.reset()[1]["hole"].tolist() == [2, 2, 2]
@@ -128,24 +127,24 @@ def test_seeds_of_a_batch_begin_its_rounds_anew() -> None:
     assert again.tobytes() == first.tobytes() and info["course"].tolist() == [ROUND_HOLES[0]] * 3
 
 
-def test_what_if_looks_at_the_present_hole() -> None:
-    """And moves neither ball nor round."""
+def test_what_if_simulates_the_present_hole() -> None:
+    """It moves neither the ball nor the round."""
     env = make(tee="fixed")
     env.reset(seed=0, options={"hole": 9})
     action = read_description(DATA_DIR / f"{ROUND_HOLES[8]}.toml").hole_in_one
     assert env.what_if([action]).holed.all() and env.reset()[1]["hole"] == 1
 
 
-def test_episodes_that_are_all_seeded_take_their_turns() -> None:
-    """By options of reset; there are none on other courses."""
+def test_reset_options_play_the_round_with_seeded_episodes() -> None:
+    """Other courses need no options."""
     env = make()
     played = [env.reset(seed=k, options=round_reset_options(ROUND_COURSE, k))[1]["course"] for k in range(10)]
     assert played == [*ROUND_HOLES, ROUND_HOLES[0]]
     assert round_reset_options("dogleg", 3) == round_reset_options(load_course("dogleg"), 3) == {}
 
 
-def test_rules_hold_on_every_hole() -> None:
-    """What one of them does not take is said when the environment is made."""
+def test_rules_apply_to_every_hole() -> None:
+    """A rule that does not fit a hole raises an error when the environment is made."""
     env = make(cup_radius=0.05, max_strokes=4)
     for number in range(1, 10):
         env.reset(options={"hole": number})
@@ -155,8 +154,8 @@ def test_rules_hold_on_every_hole() -> None:
 
 
 @pytest.mark.parametrize("hole", [0, 10, 1.5, "dogleg", True])
-def test_holes_that_are_none(hole: Any) -> None:
-    """A reset is refused and changes nothing."""
+def test_reset_rejects_invalid_hole(hole: Any) -> None:
+    """The environment stays as it was."""
     env = make()
     env.reset(seed=1, options={"hole": 2})
     for wrong, message in (
@@ -173,8 +172,8 @@ def test_holes_that_are_none(hole: Any) -> None:
         make(num_levels=3)
 
 
-def test_pictures_show_the_hole_that_is_played(gl: None) -> None:
-    """As observations and as a film: what an environment on that hole alone shows."""
+def test_images_show_the_hole_being_played(gl: None) -> None:
+    """Observations and frames are those of an environment on that hole alone."""
     looks: dict[str, Any] = {"observation": "pixels", "render_size": (64, 48), "render_profile": "fast"}
     env = make(render_mode="rgb_array_list", **looks)
     for number, name in enumerate(ROUND_HOLES[:3], 1):

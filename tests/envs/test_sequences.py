@@ -422,21 +422,21 @@ def run(machine: Callable[[], Play], sequences: int) -> None:
 
 
 @pytest.mark.parametrize("rules", RULES, ids=IDS)
-def test_sequences(rules: Rules) -> None:
-    """Of one environment."""
+def test_calls_of_an_environment_agree_with_the_model(rules: Rules) -> None:
+    """Any sequence, for each set of rules."""
     run(partial(Alone, rules, {}), -(-SEQUENCES // (2 * len(RULES))))
 
 
 @pytest.mark.parametrize("mode", MODES)
 @pytest.mark.parametrize("rules", RULES, ids=IDS)
-def test_sequences_of_a_batch(rules: Rules, mode: str) -> None:
-    """In every mode."""
+def test_calls_of_a_batch_agree_with_the_model(rules: Rules, mode: str) -> None:
+    """Any sequence, in every autoreset mode."""
     run(partial(Together, rules, mode, {}), -(-SEQUENCES // (2 * len(RULES) * len(MODES))))
 
 
 @pytest.mark.parametrize("rules", RULES[-2:], ids=IDS[-2:])
-def test_sequences_with_pictures(rules: Rules, gl: None) -> None:
-    """Looking on changes nothing."""
+def test_rendering_between_calls_changes_nothing(rules: Rules, gl: None) -> None:
+    """For one environment and a batch."""
     show = {"render_mode": "rgb_array", "render_size": (32, 24), "render_profile": "fast"}
     run(partial(Alone, rules, show), max(1, SEQUENCES // 100))
     run(partial(Together, rules, "SameStep", show), max(1, SEQUENCES // 100))

@@ -19,7 +19,7 @@ WEAK = np.array([0.1, 0.0], np.float32)
 pytestmark = pytest.mark.usefixtures("gl")
 
 
-def test_gymnasiums_own_wrappers_see_one_picture_a_step(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_gymnasium_wrappers_record_one_frame_a_step(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """RenderCollection, and both RecordVideo with a stand-in for moviepy, which encodes for them."""
     lengths: list[int] = []
 

@@ -22,7 +22,7 @@ def task() -> Task:
     return build_task()
 
 
-def test_a_putt_longer_than_one_is_a_full_putt(task: Task) -> None:
+def test_action_longer_than_one_is_a_full_putt(task: Task) -> None:
     """The length of an action is clipped to 1, its direction kept."""
     launched = task.launch_velocity(np.array([[0.3, 0.4], [3.0, 4.0], [0.0, 0.0], [1.0, 1.0]]))
     assert np.allclose(np.linalg.norm(launched, axis=1), np.array([0.5, 1.0, 0.0, 1.0]) * task.top_speed)
@@ -30,8 +30,8 @@ def test_a_putt_longer_than_one_is_a_full_putt(task: Task) -> None:
     assert (launched[:, 2] == 0.0).all()
 
 
-def test_below_the_rim_means_holed_only_without_the_energy_to_leave(task: Task) -> None:
-    """Energy decides: the ball must not be able to lift its centre one radius above the rim."""
+def test_ball_below_the_rim_is_holed_only_without_energy_to_leave(task: Task) -> None:
+    """The energy must not lift its centre one radius above the rim."""
     x, y, rim = task.cup.position
     position = np.array([x, y, rim - 0.05])
     radius, g = task.world.ball_radius, 9.81
@@ -46,8 +46,8 @@ def test_below_the_rim_means_holed_only_without_the_energy_to_leave(task: Task) 
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
-def test_speed_in_any_direction_is_energy_to_leave(task: Task, axis: int) -> None:
-    """A ball that runs around in the cup can leave it as well as one that flies up; either way along an axis."""
+def test_speed_in_any_direction_counts_as_energy_to_leave(task: Task, axis: int) -> None:
+    """A ball that circles in the cup can leave it as well as one that flies up; for both signs of each axis."""
     x, y, rim = task.cup.position
     position, way = np.array([x, y, rim - 0.05]), np.eye(3)[axis]
     escape = np.sqrt(2.0 * 9.81 * (0.05 + task.world.ball_radius))
@@ -60,8 +60,8 @@ def test_speed_in_any_direction_is_energy_to_leave(task: Task, axis: int) -> Non
         assert not task.is_holed(position + sign * edge * 1.02, np.zeros(3))
 
 
-def test_spaces_are_what_actions_and_observations_lie_in() -> None:
-    """Putts of two numbers, observations of as many as have names, all within [-1, 1], float32."""
+def test_spaces_contain_values_from_minus_one_to_one() -> None:
+    """Two numbers for actions, one for each named feature for observations, float32."""
     for space, n in ((action_space(), 2), (state_space(), len(STATE_FEATURES))):
         assert space.shape == (n,) and space.dtype == np.float32
         for value, known in ((-1.0, True), (1.0, True), (-1.01, False), (1.01, False)):
@@ -69,7 +69,7 @@ def test_spaces_are_what_actions_and_observations_lie_in() -> None:
 
 
 def test_noise_turns_and_scales_by_the_standard_deviations() -> None:
-    """A draw of 1 turns by one deviation, counter-clockwise, or adds one share of the speed; no putt runs backwards."""
+    """Noise of 1 turns by one deviation, counter-clockwise, or adds one share of the speed; no putt runs backwards."""
     task = build_task(putt_noise=(3.0, 0.2))
     aims = np.array([[0.5, 0.0], [0.0, 0.4], [-0.3, -0.3], [0.6, -0.8]])
     aimed = task.launch_velocity(aims) @ np.array([1.0, 1.0j, 0.0])
@@ -86,8 +86,8 @@ def test_noise_turns_and_scales_by_the_standard_deviations() -> None:
     assert task.is_noisy and build_task(putt_noise=(0.0, 0.1)).is_noisy and not build_task().is_noisy
 
 
-def test_each_ball_draws_from_its_own_stream() -> None:
-    """Noise and tees are those of the streams one by one; the tee's middle asks none of them."""
+def test_each_ball_draws_from_its_own_generator() -> None:
+    """Noise and tees are those of the generators one by one; the tee's middle draws no number."""
     task = build_task()
     streams = [np.random.default_rng(seed) for seed in range(3)]
     drawn = [np.random.default_rng(seed).standard_normal(2) for seed in range(3)]
@@ -104,8 +104,8 @@ def test_each_ball_draws_from_its_own_stream() -> None:
     assert middle[0] == pytest.approx([*task.course.tee.centre, starts[0, 2]])
 
 
-def test_an_observation_says_where_the_ball_and_the_cup_are() -> None:
-    """Each number by its name: places in the bounds, ways as shares of their diagonal, the strokes left."""
+def test_state_observation_encodes_ball_cup_and_strokes_left() -> None:
+    """By name: place within the bounds, vectors in units of their diagonal, strokes left."""
     task = build_task(max_strokes=8)
     lower, upper = np.array(task.course.bounds)
     balls = np.random.default_rng(4).uniform(lower, upper, (50, 3))
@@ -126,7 +126,7 @@ def test_an_observation_says_where_the_ball_and_the_cup_are() -> None:
 
 
 def test_distance_is_zero_at_the_cup_and_shrinks_along_the_route(task: Task) -> None:
-    """Along the route the distance falls by what was walked; elsewhere it is at least the straight line's."""
+    """Along the route it falls by the distance covered; elsewhere it is at least the straight distance."""
     assert task.distance_to_cup(np.array(task.cup.position)) == pytest.approx(0.0)
     route = np.array(task.course.route)
     legs = np.linalg.norm(np.diff(route, axis=0), axis=1)
@@ -139,8 +139,8 @@ def test_distance_is_zero_at_the_cup_and_shrinks_along_the_route(task: Task) -> 
 
 
 @pytest.mark.parametrize("name", ["dogleg", "hill", "procedural-v1-hard-2"])
-def test_distance_goes_along_the_nearest_leg(name: str) -> None:
-    """Straight to its end, and along the legs after it; which is nearest, shapely says."""
+def test_distance_follows_the_nearest_route_segment(name: str) -> None:
+    """Straight to its end, then along the segments after it; shapely finds the nearest."""
     task = build_task(name)
     route, rng = np.array(task.course.route), np.random.default_rng(7)
     legs = [shapely.LineString(pair) for pair in itertools.pairwise(route)]
@@ -194,8 +194,8 @@ def test_strokes_reward_is_minus_one_a_stroke(task: Task) -> None:
     assert strokes_reward(balls[:10], outcomes_at(balls[10:]), ended, task).tolist() == [-1.0] * 10
 
 
-def test_a_trace_is_the_way_of_the_stroke(task: Task) -> None:
-    """It begins where the ball was struck, and ends where and when the stroke does."""
+def test_simulated_path_is_that_of_the_stroke(task: Task) -> None:
+    """It starts where the ball is struck, and ends where and when the stroke does."""
     start = task.sample_start([np.random.default_rng(6)])
     putt = task.launch_velocity(np.array([[0.4, 0.1]]))
     outcome = task.simulate(start, putt)
@@ -205,7 +205,7 @@ def test_a_trace_is_the_way_of_the_stroke(task: Task) -> None:
     assert outcome.result[0] == Result.REST and outcome.bounces[0] > 0 and not outcome.holed[0]
 
 
-def test_outcomes_keep_their_strokes_in_another_shape() -> None:
+def test_reshaped_outcome_keeps_its_strokes() -> None:
     """Row by row."""
     outcome = Outcome(np.arange(18.0).reshape(6, 3), np.arange(6, dtype=np.int8), np.arange(6.0), np.arange(6))
     square = outcome.reshape(2, 3)
@@ -216,8 +216,8 @@ def test_outcomes_keep_their_strokes_in_another_shape() -> None:
         assert square.result[row, column] == square.time[row, column] == square.bounces[row, column] == k
 
 
-def test_games_of_several_holes_play_each_by_its_own() -> None:
-    """One task alone stays itself; of several, ball i sees, aims and plays as task i does; rows choose among them."""
+def test_stacked_tasks_play_each_on_its_own_hole() -> None:
+    """Ball i starts, putts and moves as task i does; rows select among them. One task alone stays itself."""
     tasks = [build_task(name, max_strokes=5, putt_noise=(1.0, 0.1), tee="fixed") for name in ("dogleg", "hill")]
     assert stack_tasks(tasks[:1]) is stack_tasks([tasks[0]] * 3) is tasks[0]
     assert tasks[0].take(np.array([0, 0])) is tasks[0]
@@ -240,8 +240,8 @@ def test_games_of_several_holes_play_each_by_its_own() -> None:
             assert shaping_potential(game, starts)[i] == shaping_potential(task, starts[i])
 
 
-def test_rules_take_one_ball_or_many(task: Task) -> None:
-    """Arrays of any leading shape give what single balls give, to the bit."""
+def test_rules_give_same_bits_for_one_ball_and_many(task: Task) -> None:
+    """For arrays of any leading shape."""
     rng = np.random.default_rng(2)
     positions, putts = rng.uniform(0.1, 1.0, (5, 3)), rng.uniform(-1, 1, (5, 2))
     strokes = np.arange(5)
@@ -255,8 +255,8 @@ def test_rules_take_one_ball_or_many(task: Task) -> None:
         assert many.tobytes() == np.array(one).tobytes()
 
 
-def test_a_ball_that_left_the_course_goes_back(task: Task) -> None:
-    """Out of bounds: the ball lies where it was struck."""
+def test_ball_out_of_bounds_is_put_back(task: Task) -> None:
+    """It lies where it was struck."""
     start = task.sample_start([np.random.default_rng(3)])
     outcome = task.simulate(start, np.array([[0.0, 0.0, 8.0]]))
     assert outcome.result[0] == 1

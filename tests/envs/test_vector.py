@@ -41,8 +41,10 @@ def threads() -> Iterator[None]:
 @pytest.mark.parametrize("noise", [(0.0, 0.0), (0.5, 0.015)])
 @pytest.mark.parametrize("mode", MODES)
 @pytest.mark.parametrize("many", [1, 2])
-def test_each_environment_equals_a_single_one(mode: str, noise: tuple[float, float], many: int, threads: None) -> None:
-    """Environment i is a single environment seeded seed + i, bit for bit, in every mode, whatever the threads."""
+def test_batch_equals_single_environments_bitwise(
+    mode: str, noise: tuple[float, float], many: int, threads: None
+) -> None:
+    """Environment i is a single environment seeded with seed + i, in every mode, for any number of threads."""
     if many > numba.config.NUMBA_NUM_THREADS:
         pytest.skip("needs as many cores")
     numba.set_num_threads(many)
@@ -51,7 +53,7 @@ def test_each_environment_equals_a_single_one(mode: str, noise: tuple[float, flo
 
 @pytest.mark.parametrize("course", [*list_courses(), "procedural"])
 @pytest.mark.parametrize("mode", MODES)
-def test_they_are_equal_on_every_course(mode: str, course: str) -> None:
+def test_batch_equals_single_environments_on_every_course(mode: str, course: str) -> None:
     """In every mode, with noise."""
     Twins(mode, 3, course=course, max_strokes=2, putt_noise=(0.5, 0.015)).play(5)
 
@@ -61,10 +63,10 @@ def test_they_are_equal_on_every_course(mode: str, course: str) -> None:
 )
 @pytest.mark.parametrize("course", ["dogleg", "procedural"])
 @pytest.mark.parametrize("mode", MODES)
-def test_they_are_equal_whatever_is_seen_and_rewarded(
+def test_batch_equals_single_environments_for_all_observations_and_rewards(
     mode: str, course: str, observation: str, reward: str, request: pytest.FixtureRequest
 ) -> None:
-    """In every mode, on one hole and on levels; with the other options changed, too."""
+    """In every mode, on one hole and on levels, with other options changed, too."""
     if observation == "pixels":
         request.getfixturevalue("gl")
     options: dict[str, Any] = {"tee": "fixed", "impact": "conservative", "top_speed": 3.0, "cup_radius": 0.08}
@@ -73,8 +75,8 @@ def test_they_are_equal_whatever_is_seen_and_rewarded(
 
 @pytest.mark.parametrize("course", ["dogleg", "procedural"])
 @pytest.mark.parametrize("mode", MODES)
-def test_states_go_from_batch_to_single_and_back(mode: str, course: str) -> None:
-    """In the middle of episodes and at their ends: equal states, from which both go on alike, as often as one wants."""
+def test_batch_and_single_environments_exchange_states(mode: str, course: str) -> None:
+    """In the middle of episodes and at their ends; from equal states both continue equally, any number of times."""
     options: dict[str, Any] = {"course": course, "max_strokes": 2, "putt_noise": (0.5, 0.015)}
     twins = Twins(mode, 4, **options)
     for first in range(3):
@@ -92,8 +94,8 @@ def test_states_go_from_batch_to_single_and_back(mode: str, course: str) -> None
         assert twins.batch.get_state() == after
 
 
-def test_a_batch_goes_on_from_states_without_a_reset() -> None:
-    """As a single environment does; a state of one's own needs no more than a position."""
+def test_batch_resumes_states_without_a_reset() -> None:
+    """As a single environment does; a state needs no more than a position."""
     batch = MiniGolfVectorEnv(2)
     states = [{"position": (0.4, 0.5, 0.1), "strokes": 3}, {"position": (0.6, 0.5, 0.1)}]
     batch.set_state(states)
@@ -121,8 +123,8 @@ GOOD = {"position": (0.4, 0.5, 0.1)}
         ([GOOD, GOOD | {"level": 3}, GOOD], "state 1: level: expected none"),
     ],
 )
-def test_bad_states_are_refused_and_change_nothing(states: Any, words: str) -> None:
-    """Whichever of them is bad, and before the first reset too."""
+def test_invalid_states_are_rejected_and_change_nothing(states: Any, words: str) -> None:
+    """Whichever of them is invalid, and before the first reset too."""
     batch = MiniGolfVectorEnv(3, autoreset_mode="SameStep")
     for k in range(2):
         with pytest.raises(ValueError, match=words):
@@ -136,8 +138,8 @@ def test_bad_states_are_refused_and_change_nothing(states: Any, words: str) -> N
 
 
 @pytest.mark.parametrize("course", ["dogleg", "procedural"])
-def test_what_if_is_that_of_single_environments(course: str) -> None:
-    """For putts of its own, and for the same putts everywhere; no ball moves and nothing is drawn."""
+def test_what_if_equals_single_environments_bitwise(course: str) -> None:
+    """For separate putts and for shared ones; no ball moves and no random number is drawn."""
     twins = Twins("NextStep", 4, course=course, max_strokes=2, putt_noise=(0.5, 0.015))
     for k in range(3):
         twins.play(1, k)
@@ -151,8 +153,8 @@ def test_what_if_is_that_of_single_environments(course: str) -> None:
                     assert many[i].dtype == one.dtype and many[i].tobytes() == one.tobytes()
 
 
-def test_what_if_takes_putts_only() -> None:
-    """For all environments or for each; finite ones; after a reset."""
+def test_what_if_rejects_invalid_actions() -> None:
+    """Valid actions are finite, for all environments or for each, after a reset."""
     batch = MiniGolfVectorEnv(3)
     with pytest.raises(gym.error.ResetNeeded):
         batch.what_if(np.zeros((5, 2)))
@@ -162,8 +164,8 @@ def test_what_if_takes_putts_only() -> None:
             batch.what_if(wrong)
 
 
-def test_call_gives_what_single_environments_give() -> None:
-    """What Gymnasium's own SyncVectorEnv gives by call and get_attr."""
+def test_call_and_get_attr_equal_gymnasiums_sync_vector_env() -> None:
+    """For methods and for shared attributes."""
     batch = MiniGolfVectorEnv(3)
     loop = gym.vector.SyncVectorEnv([MiniGolfEnv] * 3)
     batch.reset(seed=5), loop.reset(seed=5)
@@ -177,8 +179,8 @@ def test_call_gives_what_single_environments_give() -> None:
     assert batch.get_attr("metadata")[0]["render_fps"] == 30 and batch.call("render") == (None,) * 3
 
 
-def test_generators_can_be_set() -> None:
-    """One each; all other attributes follow from the rules, or are shared."""
+def test_set_attr_sets_generators_only() -> None:
+    """One for each environment; all other attributes follow from the rules, or are shared."""
     batch, twin = MiniGolfVectorEnv(2), MiniGolfVectorEnv(2)
     rngs = [gym.utils.seeding.np_random(seed)[0] for seed in (8, 9)]
     with pytest.raises(gym.error.ResetNeeded):
@@ -207,8 +209,8 @@ def test_generators_can_be_set() -> None:
             batch.call(name)
 
 
-def test_a_smaller_batch_has_the_same_streams() -> None:
-    """What environment i sees does not depend on how many others there are."""
+def test_random_streams_do_not_depend_on_the_batch_size() -> None:
+    """Environment i observes the same in a smaller batch."""
     large, small = make("NextStep"), gym.make_vec("minigolf_env:MiniGolf-v0", num_envs=2, max_strokes=3)
     assert large.reset(seed=SEED)[0][:2].tobytes() == small.reset(seed=SEED)[0].tobytes()
     for step in range(5):
@@ -217,7 +219,7 @@ def test_a_smaller_batch_has_the_same_streams() -> None:
 
 @pytest.mark.parametrize("mode", MODES[:2])
 def test_arrays_are_new_each_step(mode: str) -> None:
-    """Nothing returned is overwritten later, or shared with another array: learners keep references."""
+    """No returned array is overwritten later, or shares memory with another: learners keep references."""
     batch = make(mode)
     kept = [*arrays(batch.reset(seed=0)), *(array for k in range(4) for array in arrays(batch.step(actions(k))))]
     before = [array.tolist() for array in kept]
@@ -233,8 +235,8 @@ def arrays(results: Any) -> list[np.ndarray]:
     return [array for several in found for array in several]
 
 
-def test_spaces_and_metadata() -> None:
-    """The batch has the single environment's spaces, batched, and says how it resets."""
+def test_batch_has_the_single_spaces_and_reports_its_autoreset_mode() -> None:
+    """The spaces are the single environment's, batched."""
     batch, single = make("SameStep"), MiniGolfEnv()
     assert isinstance(batch.unwrapped, MiniGolfVectorEnv)
     assert batch.single_action_space == single.action_space
@@ -251,14 +253,14 @@ def test_spaces_and_metadata() -> None:
         ({"render_mode": "human"}, "render"),
     ],
 )
-def test_bad_arguments_are_named(options: dict[str, Any], word: str) -> None:
-    """A wrong argument is a ValueError that names it."""
+def test_batch_argument_error_names_the_argument(options: dict[str, Any], word: str) -> None:
+    """A wrong argument raises a ValueError that names it."""
     with pytest.raises(ValueError, match=word):
         MiniGolfVectorEnv(**options)
 
 
-def test_a_bad_action_changes_nothing() -> None:
-    """One NaN refuses the whole batch and leaves it as it was."""
+def test_invalid_action_changes_nothing_in_a_batch() -> None:
+    """One NaN rejects the actions of the whole batch."""
     batch, twin = make("NextStep"), make("NextStep")
     batch.reset(seed=1), twin.reset(seed=1)
     bad = actions(0)
@@ -269,8 +271,8 @@ def test_a_bad_action_changes_nothing() -> None:
     assert batch.step(actions(0))[0].tobytes() == twin.step(actions(0))[0].tobytes()
 
 
-def test_a_disabled_batch_asks_for_its_reset() -> None:
-    """Without autoreset a step after the end is refused."""
+def test_batch_without_autoreset_asks_for_reset() -> None:
+    """A step after the end of an episode raises ResetNeeded."""
     batch = make("Disabled")
     batch.reset(seed=0)
     for _ in range(3):
