@@ -14,8 +14,7 @@ import pytest
 import tyro
 
 from minigolf_env import __version__, cli
-
-COMMAND_NAMES = [command.__name__.rstrip("_") for command in cli.COMMAND_FUNCTIONS]
+from minigolf_env.apps.commands import COMMANDS_BY_NAME
 
 SLOW_LIBRARIES = ("matplotlib", "numba", "OpenGL", "pydantic", "pyglet", "shapely", "torch", "trimesh", "typeguard")
 """Libraries that are slow to import."""
@@ -28,12 +27,10 @@ def examples(command: Callable[..., None]) -> list[list[str]]:
     return [line.removeprefix(start).split() for line in lines if line.startswith(start)]
 
 
-@pytest.mark.parametrize("command", cli.COMMAND_FUNCTIONS, ids=COMMAND_NAMES)
-def test_examples_in_help_are_valid_command_lines(
-    command: Callable[..., None], capsys: pytest.CaptureFixture[str]
-) -> None:
+@pytest.mark.parametrize("name", COMMANDS_BY_NAME)
+def test_examples_in_help_are_valid_command_lines(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     """The help prints each example on its own line, and tyro parses its arguments."""
-    name = command.__name__.rstrip("_")
+    command = COMMANDS_BY_NAME[name]
     shown = [["minigolf", name, *words] for words in examples(command)]
     with pytest.raises(SystemExit) as caught:
         cli.main([name, "--help"])
@@ -60,7 +57,7 @@ def test_help_lists_all_commands_without_slow_imports() -> None:
     result = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
     assert (result.returncode, result.stderr) == (0, "")
     assert (
-        all(re.search(rf"\n    {name}\s", result.stdout) for name in COMMAND_NAMES)
+        all(re.search(rf"\n    {name}\s", result.stdout) for name in COMMANDS_BY_NAME)
         and "$ minigolf" not in result.stdout
     )
 
@@ -134,6 +131,6 @@ def test_bug_keeps_its_traceback(monkeypatch: pytest.MonkeyPatch) -> None:
         """Fail."""
         raise RuntimeError("a bug")
 
-    monkeypatch.setattr(cli, "COMMAND_FUNCTIONS", (broken, cli.courses))
+    monkeypatch.setitem(COMMANDS_BY_NAME, "broken", broken)
     with pytest.raises(RuntimeError, match="a bug"):
         cli.main(["broken"])

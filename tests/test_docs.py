@@ -18,7 +18,7 @@ import pytest
 import tyro
 
 import minigolf_env
-from minigolf_env import cli
+from minigolf_env.apps.commands import COMMANDS_BY_NAME
 from minigolf_env.apps.course_check import find_course_errors
 from minigolf_env.courses import list_courses
 from minigolf_env.courses.io.toml_course import build_course, parse_description, read_description
@@ -105,12 +105,11 @@ def parse_command(words: list[str], is_in_text: bool = False) -> None:
         words = words[words.index("minigolf") :]
     program, arguments = re.sub(r"^\.venv[\w-]*/bin/", "", words[0]), [word for word in words[1:] if word != "--help"]
     if program == "minigolf":
-        commands = {command.__name__.rstrip("_"): command for command in cli.COMMAND_FUNCTIONS}
         if not arguments or arguments[0] in ("--version", "--tyro-write-completion"):
             return
-        assert arguments[0] in commands, words
+        assert arguments[0] in COMMANDS_BY_NAME, words
         if arguments[1:] or not is_in_text:
-            tyro.cli(functools.wraps(commands[arguments[0]])(lambda **_: None), args=arguments[1:])
+            tyro.cli(functools.wraps(COMMANDS_BY_NAME[arguments[0]])(lambda **_: None), args=arguments[1:])
     elif program.startswith("python") and arguments[:2] in (["-m", "venv"], ["-m", "pytest"]):
         pass
     elif program == "python":

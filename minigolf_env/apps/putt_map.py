@@ -180,9 +180,10 @@ def write_map(
     figure = Figure(figsize=(13.0, 5.0), layout="constrained")
     one_of(output.suffix[1:].lower(), tuple(figure.canvas.get_supported_filetypes()), "output: the file's ending")
     with atomic_write(output) as part:
-        putts = simulate_putts(course, tee, directions, speeds, progress)
+        loaded = load_course(course)
+        putts = simulate_putts(loaded, tee, directions, speeds, progress)
         left, right = figure.subplots(1, 2, width_ratios=(2.2, 1.0))
-        draw_map(left, load_course(course), putts)
+        draw_map(left, loaded, putts)
         draw_polar(right, putts)
         figure.savefig(part, dpi=90)
     return putts

@@ -44,9 +44,9 @@ def test_command_exits_with_1_if_there_are_errors(tmp_path: Path, capsys: pytest
     """Otherwise it exits with 0 and says that there are no errors."""
     good, bad = tmp_path / "good.toml", tmp_path / "bad.toml"
     hole().save(good)
-    cli.check(str(good))
+    cli.main(["check", str(good)])
     assert "plain: no errors found" in capsys.readouterr().out
     bad.write_text(good.read_text().replace('"lane"', '"line"'))
     with pytest.raises(SystemExit) as stop:
-        cli.check(str(bad))
+        cli.main(["check", str(bad)])
     assert stop.value.code == 1 and "did you mean 'lane'" in capsys.readouterr().err

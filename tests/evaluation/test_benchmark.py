@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from minigolf_env import cli
+from minigolf_env.apps import commands
 from minigolf_env.envs import MiniGolfEnv
 from minigolf_env.evaluation import benchmark as benchmark_module
 from minigolf_env.evaluation.benchmark import benchmark
@@ -22,7 +22,7 @@ def test_command_prints_table_and_writes_reproducible_report(
     path = tmp_path / "scores.json"
     reports = []
     for _ in range(2):
-        cli.benchmark("random", ("easy",), levels=2, max_strokes=4, json=path)
+        commands.benchmark("random", ("easy",), levels=2, max_strokes=4, json=path)
         reports.append(json.loads(path.read_text()))
     assert reports[0] == reports[1] and list(tmp_path.iterdir()) == [path]
     assert "held out" in capsys.readouterr().out

@@ -13,6 +13,7 @@ import pytest
 from numpy.typing import NDArray
 
 from minigolf_env import cli
+from minigolf_env.apps import commands
 from minigolf_env.courses import ROUND_COURSE, ROUND_HOLES
 from minigolf_env.courses.procedural import PROCEDURAL_COURSE
 from minigolf_env.envs import MiniGolfEnv
@@ -58,7 +59,7 @@ def test_command_prints_table_and_writes_reproducible_report(
     file = tmp_path / "score.json"
     reports = []
     for _ in range(2):
-        cli.evaluate("random", episodes=8, putt_noise=(1.0, 0.02), json=file)
+        commands.evaluate("random", episodes=8, putt_noise=(1.0, 0.02), json=file)
         reports.append(json.loads(file.read_text()))
     assert reports[0] == reports[1] and list(tmp_path.iterdir()) == [file]
     assert "mean strokes" in capsys.readouterr().out
@@ -132,6 +133,6 @@ def test_round_is_played_hole_by_hole() -> None:
 def test_report_of_single_episode_is_valid_json(tmp_path: Path) -> None:
     """The infinite ends of its interval are written as null. The folder of the file is made."""
     file = tmp_path / "new" / "score.json"
-    cli.evaluate("search", episodes=1, json=file)
+    commands.evaluate("search", episodes=1, json=file)
     score = json.loads(file.read_text(), parse_constant=lambda name: pytest.fail(f"{name} is no JSON"))
     assert score["strokes_interval"] == [None, None] and score["difficulty"] is None
