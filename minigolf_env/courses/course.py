@@ -61,10 +61,10 @@ class Cup:
 
     def check_ball_fits(self, ball_radius: float) -> None:
         """Raise a CourseError unless a ball of this radius (m) fits into the cup and rests below its rim."""
-        for what, size in (("radius", self.radius), ("depth", self.depth)):
+        for name, size in (("radius", self.radius), ("depth", self.depth)):
             if not size > ball_radius:
                 raise CourseError(
-                    f"cup {what}: expected more than the ball's radius, {ball_radius:g} m, received {size!r}; "
+                    f"cup {name}: expected more than the ball's radius, {ball_radius:g} m, received {size!r}; "
                     "the ball has to drop below the rim."
                 )
 
@@ -118,13 +118,13 @@ class Part:
         with course_errors(f"part {self.name!r}"):
             one_of(self.material, get_args(Material), "material")
             if self.color is not None:
-                shares = finite_array(self.color, (3,), "color", "give red, green, blue in [0, 1].")
-                if not ((shares >= 0.0) & (shares <= 1.0)).all():
-                    raise CourseError(f"color: expected shares in [0, 1], received {self.color}; divide by 255.")
+                values = finite_array(self.color, (3,), "color", "give red, green, blue in [0, 1].")
+                if not ((values >= 0.0) & (values <= 1.0)).all():
+                    raise CourseError(f"color: expected values in [0, 1], received {self.color}; divide by 255.")
             if self.mesh.two_sided:  # A one-sided TriangleMesh is closed.
                 raise CourseError(
                     f"mesh: expected a closed, one-sided TriangleMesh, received {self.mesh!r}; "
-                    "close its holes and wind its faces alike, so that a ball has no way in."
+                    "close its holes and wind its faces consistently, so that no ball can enter it."
                 )
 
 
@@ -154,9 +154,9 @@ class Course:
     top_speed: float
     """Launch speed of a full putt, m/s."""
     ball_radius: float = GOLF_BALL_RADIUS
-    """m."""
+    """Radius of the ball, m."""
     gravity: Point3 = EARTH_GRAVITY
-    """m/s^2."""
+    """Gravitational acceleration, m/s^2."""
 
     def __post_init__(self) -> None:
         with course_errors(f"course {self.name!r}"):
@@ -224,7 +224,7 @@ class Course:
         self.cup.check_ball_fits(self.ball_radius)
         if type(self.par) is not int or self.par < 1:
             raise CourseError(f"par: expected an integer >= 1, received {self.par!r}; count a good player's strokes.")
-        route = finite_array(self.route, (None, 2), "route", "give one x, y a point.")
+        route = finite_array(self.route, (None, 2), "route", "give x, y for each point.")
         ends = (self.tee.centre, self.cup.position[:2])
         if len(route) < 2 or not np.allclose(route[[0, -1]], ends, rtol=0.0, atol=1e-9):
             raise CourseError(

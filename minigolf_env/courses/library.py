@@ -122,7 +122,7 @@ def _find_file(name: str | Path) -> Path:
         raise ValueError(f"course: expected a course file, received {name!r}, which does not exist; check the path.")
     if name == PROCEDURAL_COURSE:
         raise ValueError(
-            f"course: expected one hole, received {name!r}, which is endless levels; "
+            f"course: expected one hole, received {name!r}, which names all levels; "
             f"name one of them, such as {level_name('easy', 17)!r}."
         )
     return DATA_DIR / f"{one_of(name, HOLE_NAMES + ROOM_NAMES, 'course')}.toml"

@@ -1,4 +1,4 @@
-"""Course itself: what it refuses, and that copies of it are it."""
+"""Course records: validation, identity of copies, and loading by name or file."""
 
 from __future__ import annotations
 
@@ -23,34 +23,34 @@ from minigolf_env.physics import Status, Surface
 
 
 @pytest.mark.parametrize("k", [0, 1, 2])
-def test_a_route_with_a_point_twice_is_refused(k: int) -> None:
-    """Its leg has no direction: distances along the course would be NaN."""
+def test_rejects_route_with_repeated_point(k: int) -> None:
+    """A segment without length has no direction: distances along the route would be NaN."""
     course = load_course("dogleg")
     with pytest.raises(CourseError, match=r"route.*repeated"):
         dataclasses.replace(course, route=(*course.route[: k + 1], *course.route[k:]))
 
 
-def test_copies_of_environments_share_course_and_world() -> None:
-    """Both are immutable; a copy made for a look ahead costs neither meshes nor pictures again, and plays on alike."""
+def test_copied_environment_shares_course_and_world() -> None:
+    """Both are immutable, so a copy for planning builds neither again; it continues with the same results."""
     env = MiniGolfEnv()
     env.reset(seed=0)
-    other = copy.deepcopy(env)
-    assert other.task.course is env.task.course and other.task.world is env.task.world
+    copied = copy.deepcopy(env)
+    assert copied.task.course is env.task.course and copied.task.world is env.task.world
     putt = np.array([0.3, 0.2], np.float32)
-    np.testing.assert_array_equal(env.step(putt)[0], other.step(putt)[0])
+    np.testing.assert_array_equal(env.step(putt)[0], copied.step(putt)[0])
     np.testing.assert_array_equal(pickle.loads(pickle.dumps(env)).step(putt)[0], env.step(putt)[0])  # noqa: S301
 
 
 @pytest.mark.parametrize("side", [0, 1])
 @pytest.mark.parametrize("axis", [0, 1, 2])
-def test_bounds_hold_the_ball_wherever_it_has_to_be(axis: int, side: int) -> None:
-    """At every corner of the tee and on the cup's bottom: a face at its centre is refused, one just beyond is taken."""
+def test_bounds_must_contain_ball_on_tee_and_in_cup(axis: int, side: int) -> None:
+    """A face of the bounds through a corner of the tee or the cup's bottom is an error; one just beyond is accepted."""
     course = load_course("dogleg")
     assert course.cup is not None
     x, y, rim = course.cup.position
     tee = [(*corner, course.tee.height + course.ball_radius) for corner in (course.tee.lower, course.tee.upper)]
-    places = np.array([*tee, (x, y, rim - course.cup.depth + course.ball_radius)])
-    extreme = (places.min(axis=0), places.max(axis=0))[side][axis]
+    positions = np.array([*tee, (x, y, rim - course.cup.depth + course.ball_radius)])
+    extreme = (positions.min(axis=0), positions.max(axis=0))[side][axis]
     for step, fits in ((0.0, False), (1e-6, True), (-1e-6, False)):
         bounds = np.array(course.bounds)
         bounds[side, axis] = extreme + (step if side else -step)
@@ -62,8 +62,8 @@ def test_bounds_hold_the_ball_wherever_it_has_to_be(axis: int, side: int) -> Non
                 dataclasses.replace(course, **change)
 
 
-def test_a_world_is_the_course_with_its_time_step() -> None:
-    """Ball, gravity and bounds are the course's; a wall in one corner of the tee, or in the cup, is found."""
+def test_world_has_ball_gravity_and_bounds_of_course() -> None:
+    """A wall at a corner of the tee is an error when the world is made."""
     course = dataclasses.replace(load_course("dogleg"), gravity=(0.0, 0.0, -1.62))
     world = course.world(dt=0.01, impact="conservative")
     assert world.dt == 0.01 and world.ball_radius == course.ball_radius
@@ -79,8 +79,8 @@ def test_a_world_is_the_course_with_its_time_step() -> None:
             hole.course().world()
 
 
-def test_records_check_each_field() -> None:
-    """Cups and tees name it; a course's route has two points at least, and its ends within a nanometre."""
+def test_records_validate_each_field() -> None:
+    """Messages name the field; a route needs two points, and its ends may differ from tee and cup by a nanometre."""
     for make, message in (
         (lambda: Cup((0.0, 0.0)), "cup: position"),  # type: ignore[arg-type]
         (lambda: Cup((0.0, 0.0, 0.0), depth=0.0), "cup: depth"),
@@ -120,30 +120,33 @@ def test_records_check_each_field() -> None:
 
 
 @pytest.mark.parametrize("stimp", [6.0, 10.0, 13.5])
-def test_a_green_of_a_stimp_brakes_a_ball_within_so_many_feet(stimp: float) -> None:
-    """Let go at 1.829 m/s on level ground; what is not said is the default; rolling goes before stimp."""
+def test_stimp_is_distance_in_feet_that_ball_rolls(stimp: float) -> None:
+    """From 1.829 m/s on level ground. A value that is not given is the default, and rolling takes precedence."""
     assert 1.829**2 / (2.0 * 9.81 * rolling_resistance_from_stimp(stimp)) == pytest.approx(0.3048 * stimp)
     described = {
         "felt": SurfaceRecord(stimp=stimp),
         "mat": SurfaceRecord(rolling=0.2, stimp=stimp, restitution=0.1),
         "plain": SurfaceRecord(damping=0.4, tangential=0.9, material="stone", color="#010203"),
     }
-    looks = collect_surfaces(described)
-    assert looks["felt"].surface.rolling == rolling_resistance_from_stimp(stimp) and looks["mat"].surface.rolling == 0.2
-    plain = looks["plain"].surface
+    surfaces = collect_surfaces(described)
+    assert (
+        surfaces["felt"].surface.rolling == rolling_resistance_from_stimp(stimp)
+        and surfaces["mat"].surface.rolling == 0.2
+    )
+    plain = surfaces["plain"].surface
     assert (plain.damping, plain.tangential, plain.rolling) == (0.4, 0.9, Surface.rolling)
-    assert (looks["plain"].material, looks["plain"].color) == ("stone", "#010203")
-    assert looks["mat"].surface.restitution == 0.1 and looks["wood"].surface.damping == 0.7
+    assert (surfaces["plain"].material, surfaces["plain"].color) == ("stone", "#010203")
+    assert surfaces["mat"].surface.restitution == 0.1 and surfaces["wood"].surface.damping == 0.7
 
 
 @pytest.mark.parametrize("name", [*list_courses(), "room"])
-def test_par_is_known_without_building(name: str) -> None:
-    """As the course has it."""
+def test_par_of_equals_par_of_loaded_course(name: str) -> None:
+    """The par is read from the file, without building the meshes of a bundled course."""
     assert par_of(name) == load_course(name).par
 
 
-def test_a_file_that_changed_is_read_again(tmp_path: Path) -> None:
-    """As long as it stays as it is, the same request gives the same course."""
+def test_changed_course_file_is_loaded_again(tmp_path: Path) -> None:
+    """While the file is unchanged, the same request returns the same course."""
     path = tmp_path / "lane.toml"
     CourseBuilder("lane", tee=(0.3, 0.5), cup=(2.5, 0.5, 0.0), par=2).add("lane", outline=[{"box": (0, 0, 3, 1)}]).save(
         path

@@ -1,4 +1,4 @@
-"""Mesh files that courses name: where they may lie, what they give, and what hostile ones cost."""
+"""Mesh files that courses name: safe paths, formats, and the cost of hostile files."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ MESH = 'name = "m"\ntee = {{ at = [0, 0] }}\n[[parts]]\nkind = "mesh"\nfile = "{
 
 
 @pytest.mark.parametrize("ending", ["obj", "stl", "ply", "glb"])
-def test_meshes_come_from_files_beside_the_course(ending: str, tmp_path: Path) -> None:
-    """Every format, with scale, turn and place."""
+def test_mesh_part_loads_every_format_with_scale_turn_and_position(ending: str, tmp_path: Path) -> None:
+    """Each format gives the same solid."""
     trimesh.creation.box((2, 2, 0.2)).export(tmp_path / f"slab.{ending}")
     (tmp_path / "m.toml").write_text(MESH.format(f"slab.{ending}") + "scale = 0.5\nturn = 90\nat = [0, 0, -0.05]\n")
     vertices = load_course(tmp_path / "m.toml").parts[0].mesh.vertices
@@ -30,8 +30,8 @@ def test_meshes_come_from_files_beside_the_course(ending: str, tmp_path: Path) -
     assert np.allclose(np.sort(sides), [0.1, 1.0, 1.0], atol=1e-6)
 
 
-def test_a_mesh_file_that_changed_is_read_again(tmp_path: Path) -> None:
-    """Though the course file that names it stays as it is."""
+def test_changed_mesh_file_is_loaded_again(tmp_path: Path) -> None:
+    """Even if the course file that names it is unchanged."""
     (tmp_path / "m.toml").write_text(MESH.format("slab.stl"))
     slab = tmp_path / "slab.stl"
     heights = []
@@ -47,8 +47,8 @@ def test_a_mesh_file_that_changed_is_read_again(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "name", ["../slab.obj", "/etc/passwd", "C:/slab.obj", "a/../../slab.obj", "link.obj", "x.py", "no.obj"]
 )
-def test_mesh_files_stay_in_the_folder(name: str, tmp_path: Path) -> None:
-    """No way out of it, by dots, roots, drives or links; no other kind of file."""
+def test_rejects_mesh_files_outside_course_folder(name: str, tmp_path: Path) -> None:
+    """No dots, roots, drives or links lead out of it; other kinds of files are errors."""
     (tmp_path / "slab.obj").write_text("v 0 0 0\n")
     inner = tmp_path / "inner"
     inner.mkdir()
@@ -84,8 +84,8 @@ HOSTILE = {
 
 
 @pytest.mark.parametrize("name", HOSTILE)
-def test_mesh_files_take_about_a_hundred_times_their_size_at_most(name: str, tmp_path: Path) -> None:
-    """Whatever they claim; and a limit bounds that size."""
+def test_mesh_file_takes_at_most_about_hundred_times_its_size(name: str, tmp_path: Path) -> None:
+    """Whatever the file claims; a limit bounds that size."""
     content = HOSTILE[name]
     (tmp_path / name).write_bytes(content if isinstance(content, bytes) else content.encode())
     (tmp_path / "m.toml").write_text(MESH.format(name))
@@ -104,8 +104,8 @@ def test_mesh_files_take_about_a_hundred_times_their_size_at_most(name: str, tmp
         load_course(tmp_path / "m.toml", limits=Limits(file_bytes=20))
 
 
-def test_groups_and_solids_are_read_as_one() -> None:
-    """Each would cost a pass; with textures, normals, comments in any encoding, lines that go on; any line ends."""
+def test_obj_groups_and_stl_solids_are_merged_before_reading() -> None:
+    """Each would cost a pass; textures, normals, comments, continued lines and all line ends are accepted."""
     box = trimesh.creation.box((2, 2, 0.2))
     lines = ["mtllib ../m.mtl", *(f"v {x} {y} {z} 1 0 0 # caf\u00e9" for x, y, z in box.vertices), "vt 0 0", "vn 0 0 1"]
     for k, face in enumerate(box.faces + 1):
@@ -120,8 +120,8 @@ def test_groups_and_solids_are_read_as_one() -> None:
 
 
 @pytest.mark.parametrize("ending", ["obj", "stl", "ascii.stl", "ply", "ascii.ply"])
-def test_mutated_mesh_files_are_read_or_refused(ending: str, tmp_path: Path) -> None:
-    """Nothing else happens."""
+def test_mutated_mesh_files_load_or_raise_course_error(ending: str, tmp_path: Path) -> None:
+    """No other exception is raised."""
     box, rng, refused = trimesh.creation.box((2, 2, 0.2)), random.Random(0), 0  # noqa: S311 (not for secrets)
     whole = {
         "obj": lambda: box.export(file_type="obj").encode(),

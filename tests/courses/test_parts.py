@@ -1,4 +1,4 @@
-"""What parts are, measured: areas, volumes and heights against formulas, places and directions against geometry."""
+"""Geometry of parts: areas, volumes and heights compared with formulas, positions and directions with geometry."""
 
 from __future__ import annotations
 
@@ -26,22 +26,22 @@ from minigolf_env.courses.schema.heights import DirectionalHeight, RadialHeight,
 from minigolf_env.courses.schema.limits import Limits
 from minigolf_env.courses.schema.shapes import ArcCorner, OutlineShape
 
-SQUARE = shapely.box(0, 0, 1, 1)
-LANE = [{"box": (0, 0, 3, 1)}]
+UNIT_SQUARE = shapely.box(0, 0, 1, 1)
+LANE_OUTLINE = [{"box": (0, 0, 3, 1)}]
 
 
 def shape(**fields: Any) -> OutlineShape:
-    """Return a shape in plan."""
+    """Return a shape of an outline."""
     return OutlineShape.model_validate(fields)
 
 
-def polygon_share(sides: int) -> float:
-    """Return the area of the regular polygon around the unit circle, as a share of pi."""
+def polygon_area_ratio(sides: int) -> float:
+    """Return the area of the regular polygon around the unit circle, divided by pi."""
     return sides / math.pi * math.tan(math.pi / sides)
 
 
-def test_areas_are_those_of_the_shapes() -> None:
-    """Boxes, circles, strips and polygons; turned about their middle, rounded, joined and less their holes."""
+def test_outline_areas_match_formulas() -> None:
+    """Boxes, circles, strips and polygons; rotated, rounded, joined, and with holes."""
     box = build_outline([shape(box=(1, 2, 4, 4), turn=90)])
     assert box.bounds == pytest.approx((1.5, 1.5, 3.5, 4.5)) and box.area == pytest.approx(6.0)
     tilted = build_outline([shape(box=(1, 2, 4, 4), turn=30)])
@@ -51,7 +51,7 @@ def test_areas_are_those_of_the_shapes() -> None:
     assert rounded.area == pytest.approx(6.0 - (4.0 - math.pi) * 0.25, abs=2e-3)
     assert rounded.bounds == pytest.approx((0, 0, 3, 2))
     circle = build_outline([shape(circle=(1, 2, 0.5))])
-    assert circle.area == pytest.approx(0.25 * math.pi * polygon_share(64)) and np.allclose(
+    assert circle.area == pytest.approx(0.25 * math.pi * polygon_area_ratio(64)) and np.allclose(
         circle.centroid.coords, (1, 2)
     )
     strip = build_outline([shape(line=[(0, 0), (3, 4)], width=0.2)])
@@ -63,31 +63,31 @@ def test_areas_are_those_of_the_shapes() -> None:
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_arcs_lie_on_their_circle(seed: int) -> None:
-    """From a point over another to a third, whichever way round and however far; no piece turns more than 5 degrees."""
+def test_arc_points_lie_on_circle_through_three_points(seed: int) -> None:
+    """In both directions and for any angle; no segment turns by more than 5 degrees."""
     rng = np.random.default_rng(seed)
     middle, radius = rng.uniform(-2, 2, 2), rng.uniform(0.3, 2)
-    turn = rng.choice([-1, 1]) * rng.uniform(0.3, 5.5)
+    arc_angle = rng.choice([-1, 1]) * rng.uniform(0.3, 5.5)
     first = rng.uniform(0, 2 * math.pi)
-    over = first + turn * rng.uniform(0.2, 0.8)
+    over = first + arc_angle * rng.uniform(0.2, 0.8)
 
     def at(angle: float) -> tuple[float, float]:
         return middle[0] + radius * math.cos(angle), middle[1] + radius * math.sin(angle)
 
-    corners = [tuple(middle), at(first), ArcCorner(via=at(over), to=at(first + turn))]
+    corners = [tuple(middle), at(first), ArcCorner(via=at(over), to=at(first + arc_angle))]
     area = build_outline([OutlineShape(polygon=tuple(corners))])
     ring = np.array(area.exterior.coords)
     arc = ring[np.linalg.norm(ring - middle, axis=1) > 0.1 * radius]
     assert np.linalg.norm(arc - middle, axis=1) == pytest.approx(np.full(len(arc), radius))
-    assert len(arc) == 1 + max(2, math.ceil(abs(math.degrees(turn)) / 5.0 - 1e-9))
-    piece = turn / (len(arc) - 1)
+    assert len(arc) == 1 + max(2, math.ceil(abs(math.degrees(arc_angle)) / 5.0 - 1e-9))
+    piece = arc_angle / (len(arc) - 1)
     assert abs(math.degrees(piece)) <= 5.0 + 1e-9
     assert area.area == pytest.approx(abs(math.sin(piece)) * radius**2 / 2.0 * (len(arc) - 1))
     with pytest.raises(CourseError, match="arc: expected three points of a circle"):
         build_outline([OutlineShape(polygon=((0, 1), (0, 0), ArcCorner(via=(1, 0), to=(2, 0))))])
 
 
-def test_areas_that_are_none_are_refused() -> None:
+def test_rejects_invalid_outlines() -> None:
     """Empty, in two pieces, or crossing themselves."""
     for shapes, holes, message in (
         ([shape(box=(0, 0, 1, 1))], [shape(box=(-1, -1, 2, 2))], "expected one connected area"),
@@ -99,13 +99,13 @@ def test_areas_that_are_none_are_refused() -> None:
             build_outline(shapes, holes)
 
 
-def test_solids_have_the_volumes_of_formulas() -> None:
-    """Closed, wound outwards, between their levels, around their axis."""
-    block = extrude(SQUARE, -0.2, 0.3)
+def test_solid_volumes_match_formulas() -> None:
+    """Closed, wound outwards, between their levels and around their axis."""
+    block = extrude(UNIT_SQUARE, -0.2, 0.3)
     assert block.volume == pytest.approx(0.5) and np.allclose(block.bounds, [[0, 0, -0.2], [1, 1, 0.3]])
     for sides in (5, 64):
         cone = revolve([(0.0, 1.0), (0.5, 1.0), (0.0, 2.0)], (2.0, 3.0), sides)
-        assert cone.volume == pytest.approx(math.pi * 0.25 / 3.0 * polygon_share(sides))
+        assert cone.volume == pytest.approx(math.pi * 0.25 / 3.0 * polygon_area_ratio(sides))
         assert np.allclose(cone.center_mass, (2.0, 3.0, 1.25)) and cone.is_watertight
         ring = circle_polygon((2.0, 3.0), 0.5, sides)
         assert (
@@ -113,7 +113,7 @@ def test_solids_have_the_volumes_of_formulas() -> None:
         )
     cup = Cup((1.0, 2.0, 0.5), 0.05, 0.1)
     liner = build_cup_liner(cup)
-    area = math.pi * polygon_share(64)
+    area = math.pi * polygon_area_ratio(64)
     outer = (cup.radius + CUP_LINER_THICKNESS) ** 2 * (cup.depth + CUP_LINER_THICKNESS)
     assert liner.volume == pytest.approx(area * (outer - cup.radius**2 * cup.depth)) and liner.is_watertight
     assert liner.bounds[:, 2] == pytest.approx((0.5 - 0.1 - CUP_LINER_THICKNESS, 0.5))
@@ -122,25 +122,27 @@ def test_solids_have_the_volumes_of_formulas() -> None:
 @pytest.mark.parametrize(
     ("start", "end"), [((0, 0, 0), (2, 0, 0)), ((1, 2, 0.5), (0, 4, 1.0)), ((0, 0, 1), (0, -3, 0))]
 )
-def test_prisms_lead_from_start_to_end(start: tuple[float, ...], end: tuple[float, ...]) -> None:
-    """What is to the left in the profile is to the left of the way, seen from above; up is up."""
-    way = np.subtract(end, start)
+def test_prism_extends_from_start_to_end_with_left_and_up_kept(
+    start: tuple[float, ...], end: tuple[float, ...]
+) -> None:
+    """The profile's left is the left of the direction of travel seen from above, and its up is up."""
+    delta = np.subtract(end, start)
     solid = sweep_along_line(shapely.box(0.0, 0.0, 0.1, 0.4), start, end)
-    assert solid.is_watertight and solid.volume == pytest.approx(0.04 * np.linalg.norm(way))
-    left = np.array([-way[1], way[0], 0.0]) / np.hypot(*way[:2])
-    ahead = way / np.linalg.norm(way)
-    up = np.cross(ahead, left)
+    assert solid.is_watertight and solid.volume == pytest.approx(0.04 * np.linalg.norm(delta))
+    left = np.array([-delta[1], delta[0], 0.0]) / np.hypot(*delta[:2])
+    forward = delta / np.linalg.norm(delta)
+    up = np.cross(forward, left)
     assert up[2] > 0.0
     offset = solid.vertices - start
     assert (offset @ left).min() == pytest.approx(0.0, abs=1e-12) and (offset @ left).max() == pytest.approx(0.1)
     assert (offset @ up).min() == pytest.approx(0.0, abs=1e-12) and (offset @ up).max() == pytest.approx(0.4)
-    assert (offset @ ahead).max() == pytest.approx(np.linalg.norm(way))
+    assert (offset @ forward).max() == pytest.approx(np.linalg.norm(delta))
     with pytest.raises(CourseError, match="expected a line that is not upright"):
-        sweep_along_line(SQUARE, start, np.add(start, (0, 0, 1)))
+        sweep_along_line(UNIT_SQUARE, start, np.add(start, (0, 0, 1)))
 
 
-def test_a_loop_turns_over_once() -> None:
-    """It touches the floor at both ends, comes down to the left, and its inner surface has its radius."""
+def test_loop_turns_over_once() -> None:
+    """It touches the floor at both ends, comes down on the left, and its inner surface has its radius."""
     solid = build_loop_track(0.3, 0.2, 0.5, 0.06, 0.03, 64)
     assert solid.is_watertight and solid.is_winding_consistent and solid.volume > 0.0
     section = 0.26 * 0.03 + 2 * 0.03 * 0.06
@@ -158,57 +160,59 @@ def test_a_loop_turns_over_once() -> None:
     assert (np.diff(left) >= 0.0).all() and left[32] == pytest.approx(0.25)
 
 
-def test_a_cup_needs_room_and_says_how_much() -> None:
-    """On the floor, and no wider than it can be."""
-    hole = cup_outline(SQUARE, Cup((0.5, 0.4, 0.0), 0.1))
+def test_cup_error_states_largest_radius_that_fits() -> None:
+    """The stated radius fits, a larger one does not."""
+    hole = cup_outline(UNIT_SQUARE, Cup((0.5, 0.4, 0.0), 0.1))
     assert hole.exterior.distance(shapely.Point(0.5, 0.4)) == pytest.approx(0.1 + CUP_LINER_THICKNESS)
-    with pytest.raises(CourseError, match=r"cup radius: expected less than (0\.\d+) m") as told:
-        cup_outline(SQUARE, Cup((0.5, 0.4, 0.0), 0.5))
-    most = float(str(told.value).split("less than ")[1].split(" m")[0])
-    assert cup_outline(SQUARE, Cup((0.5, 0.4, 0.0), most - 0.001)) and most == pytest.approx(0.4, abs=0.005)
+    with pytest.raises(CourseError, match=r"cup radius: expected less than (0\.\d+) m") as raised:
+        cup_outline(UNIT_SQUARE, Cup((0.5, 0.4, 0.0), 0.5))
+    largest = float(str(raised.value).split("less than ")[1].split(" m")[0])
+    assert cup_outline(UNIT_SQUARE, Cup((0.5, 0.4, 0.0), largest - 0.001)) and largest == pytest.approx(0.4, abs=0.005)
     with pytest.raises(CourseError, match="less than"):
-        cup_outline(SQUARE, Cup((0.5, 0.4, 0.0), most + 0.001))
+        cup_outline(UNIT_SQUARE, Cup((0.5, 0.4, 0.0), largest + 0.001))
     with pytest.raises(CourseError, match="cup position: expected a place on the floor"):
-        cup_outline(SQUARE, Cup((1.5, 0.4, 0.0), 0.1))
+        cup_outline(UNIT_SQUARE, Cup((1.5, 0.4, 0.0), 0.1))
 
 
-PLACES = np.random.default_rng(0).uniform(-3.0, 3.0, (200, 2))
-PLACES = np.concatenate([PLACES, PLACES / 20.0])
+SAMPLE_POINTS = np.random.default_rng(0).uniform(-3.0, 3.0, (200, 2))
+SAMPLE_POINTS = np.concatenate([SAMPLE_POINTS, SAMPLE_POINTS / 20.0])
 
 
-def test_heights_follow_their_profiles() -> None:
-    """Along a direction, around a place, in waves; on top of the level and of each other."""
+def test_height_functions_match_profiles() -> None:
+    """Along a direction, around a centre, and waves; they are added to the level and to each other."""
     profile = ((-1.0, 0.1), (0.5, 0.4), (2.0, -0.2))
-    turned = np.cos(np.radians(30)) * (PLACES[:, 0] - 0.5) + np.sin(np.radians(30)) * (PLACES[:, 1] - 0.2)
+    distance = np.cos(np.radians(30)) * (SAMPLE_POINTS[:, 0] - 0.5) + np.sin(np.radians(30)) * (
+        SAMPLE_POINTS[:, 1] - 0.2
+    )
     along = DirectionalHeight(at=(0.5, 0.2), turn=30, profile=profile)
-    slope = np.interp(turned, *np.transpose(profile))
-    assert make_height_function(0.0, [along])(PLACES) == pytest.approx(slope)
-    away = np.hypot(PLACES[:, 0] - 1.0, PLACES[:, 1] + 1.0)
+    slope = np.interp(distance, *np.transpose(profile))
+    assert make_height_function(0.0, [along])(SAMPLE_POINTS) == pytest.approx(slope)
+    away = np.hypot(SAMPLE_POINTS[:, 0] - 1.0, SAMPLE_POINTS[:, 1] + 1.0)
     hill = RadialHeight(at=(1.0, -1.0), profile=((0.0, 0.5), (1.5, 0.0)))
     cone = np.interp(away, [0.0, 1.5], [0.5, 0.0])
-    assert make_height_function(0.3, [along, hill])(PLACES) == pytest.approx(0.3 + slope + cone)
+    assert make_height_function(0.3, [along, hill])(SAMPLE_POINTS) == pytest.approx(0.3 + slope + cone)
     waves = WaveHeight(at=(0.5, 0.2), turn=30, amplitude=0.2, length=0.7, level=((0.0, 0.0, 0.5, 1.0),))
-    z = make_height_function(0.0, [waves])(PLACES)
-    middle = np.hypot(*PLACES.T)
-    whole = 0.2 * np.sin(2.0 * np.pi * turned / 0.7)
+    z = make_height_function(0.0, [waves])(SAMPLE_POINTS)
+    middle = np.hypot(*SAMPLE_POINTS.T)
+    whole = 0.2 * np.sin(2.0 * np.pi * distance / 0.7)
     assert z[middle >= 1.0] == pytest.approx(whole[middle >= 1.0]) and (z[middle <= 0.5] == 0.0).all()
-    share = np.clip((middle - 0.5) / 0.5, 0.0, 1.0)
-    assert z == pytest.approx(whole * share * share * (3.0 - 2.0 * share))
+    fraction = np.clip((middle - 0.5) / 0.5, 0.0, 1.0)
+    assert z == pytest.approx(whole * fraction * fraction * (3.0 - 2.0 * fraction))
 
 
-def test_rounding_is_the_mean_of_the_line_around_a_place() -> None:
-    """Of straight lines the line; at a corner a parabola that both sides meet."""
+def test_rounded_profile_is_moving_average_of_polyline() -> None:
+    """Straight lines stay straight; a corner becomes a parabola that meets both sides."""
     profile = ((0.0, 0.0), (1.0, 0.5), (2.5, -0.1))
     fine = np.linspace(-0.2, 0.2, 4001)
     for record, s in (
-        (DirectionalHeight(profile=profile, rounding=0.2), PLACES[:, 0]),
-        (RadialHeight(at=(0, 0), profile=profile, rounding=0.2), np.hypot(*PLACES.T)),
+        (DirectionalHeight(profile=profile, rounding=0.2), SAMPLE_POINTS[:, 0]),
+        (RadialHeight(at=(0, 0), profile=profile, rounding=0.2), np.hypot(*SAMPLE_POINTS.T)),
     ):
         line = np.interp(
             np.abs(s[:, None] + fine) if isinstance(record, RadialHeight) else s[:, None] + fine, *np.transpose(profile)
         )
         mean = ((line[:, 1:] + line[:, :-1]) / 2.0).mean(axis=1)
-        assert make_height_function(0.0, [record])(PLACES) == pytest.approx(mean, abs=1e-6)
+        assert make_height_function(0.0, [record])(SAMPLE_POINTS) == pytest.approx(mean, abs=1e-6)
     wide = DirectionalHeight(profile=((-9.0, 0.0), (0.0, 0.9), (9.0, 0.0)), rounding=3.0)
     assert make_height_function(0.0, [wide])(
         np.array([[0.0, 0.0], [6.5, 0.0], [9.0, 0.0], [20.0, 0.0]])
@@ -220,8 +224,8 @@ def test_rounding_is_the_mean_of_the_line_around_a_place() -> None:
 
 
 @pytest.mark.parametrize("holes", [[], [shapely.box(0.8, 0.4, 1.3, 0.7), shapely.Point(2.0, 0.5).buffer(0.2)]])
-def test_terrain_is_the_ground_between_bottom_and_heights(holes: list[Any]) -> None:
-    """Closed; its top is on the heights everywhere and covers the area once; its volume is that below them."""
+def test_terrain_fills_space_between_bottom_and_heights(holes: list[Any]) -> None:
+    """It is closed, its top follows the heights and covers the area once, and its volume is the space below."""
     area = shapely.box(0, 0, 3, 1)
     for hole in holes:
         area = area - hole
@@ -230,8 +234,8 @@ def test_terrain_is_the_ground_between_bottom_and_heights(holes: list[Any]) -> N
     assert solid.is_watertight and solid.is_winding_consistent
     up = solid.face_normals[:, 2] > 1e-6
     corners = solid.triangles[up]
-    plan = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, 2] / 2.0
-    assert plan.sum() == pytest.approx(area.area) and (plan > 0.0).all()
+    face_areas = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, 2] / 2.0
+    assert face_areas.sum() == pytest.approx(area.area) and (face_areas > 0.0).all()
     assert corners[:, :, 2].ravel() == pytest.approx(height(corners[:, :, :2].reshape(-1, 2)))
     middle = np.array(area.centroid.coords)
     assert solid.volume == pytest.approx(area.area * (float(height(middle)[0]) + 0.1))
@@ -246,12 +250,12 @@ def test_terrain_is_the_ground_between_bottom_and_heights(holes: list[Any]) -> N
         build_terrain(area, height, (0.1, 0.1), 0.2)
 
 
-def test_a_cup_cut_into_a_mesh_takes_its_pocket_out() -> None:
-    """The rest of the floor stays; obstacles and thin floors are in the way."""
+def test_cutting_cup_into_mesh_removes_pocket_volume() -> None:
+    """The rest of the floor stays; obstacles in the way and thin floors are errors."""
     floor = extrude(shapely.box(0, 0, 2, 1), -0.2, 0.0)
     cup = Cup((0.7, 0.4, 0.0), 0.06, 0.1)
     cut = cut_cup_into_mesh(floor, cup, [])
-    pocket = math.pi * polygon_share(64) * (0.06 + CUP_LINER_THICKNESS) ** 2 * (0.1 + CUP_LINER_THICKNESS)
+    pocket = math.pi * polygon_area_ratio(64) * (0.06 + CUP_LINER_THICKNESS) ** 2 * (0.1 + CUP_LINER_THICKNESS)
     assert cut.is_watertight and cut.is_winding_consistent and cut.volume == pytest.approx(0.4 - pocket)
     assert np.allclose(cut.bounds, floor.bounds)
     with pytest.raises(CourseError, match="cup position: expected a place on the floor"):
@@ -268,13 +272,13 @@ def test_a_cup_cut_into_a_mesh_takes_its_pocket_out() -> None:
 
 
 def hole(**part: Any) -> Trimesh:
-    """Return the mesh of a part beside a lane."""
-    mesh = CourseBuilder("one", tee=(0.3, 0.5)).add("lane", outline=LANE).add(**part).course().parts[-1].mesh
+    """Return the mesh of a part next to a lane."""
+    mesh = CourseBuilder("one", tee=(0.3, 0.5)).add("lane", outline=LANE_OUTLINE).add(**part).course().parts[-1].mesh
     return Trimesh(mesh.vertices, mesh.faces)
 
 
-def test_parts_are_turned_and_placed() -> None:
-    """Counter-clockwise seen from above, about their own origin; then moved."""
+def test_parts_are_rotated_then_moved() -> None:
+    """Counter-clockwise seen from above, about their own origin."""
     box = hole(kind="box", at=(1.5, 0.5, 0.2), size=(0.4, 0.2, 0.1), turn=90)
     assert np.allclose(box.bounds, [[1.4, 0.3, 0.15], [1.6, 0.7, 0.25]])
     tilted = hole(kind="box", at=(1.5, 0.5, 0.2), size=(0.4, 0.2, 0.1), turn=30)
@@ -287,22 +291,22 @@ def test_parts_are_turned_and_placed() -> None:
     assert np.linalg.norm(ball.vertices - [1.5, 0.5, 0.3], axis=1) == pytest.approx(np.full(len(ball.vertices), 0.2))
 
 
-def test_a_hole_is_made_with_a_cup_of_its_own_and_files_beside_it(tmp_path: Path) -> None:
-    """The cup may be a record; meshes come from the folder that is named; errors name the hole."""
+def test_builder_accepts_cup_record_and_mesh_folder(tmp_path: Path) -> None:
+    """Errors name the course."""
     trimesh.creation.box((0.2, 0.2, 0.2)).export(tmp_path / "stone.obj")
-    made = CourseBuilder("own", tee=(0.3, 0.5), cup={"position": (2.5, 0.5, 0.0), "radius": 0.06, "depth": 0.09})
-    made.add("lane", outline=LANE).add("mesh", file="stone.obj", at=(1.5, 0.5, 0.1))
-    course = made.course(tmp_path)
+    builder = CourseBuilder("own", tee=(0.3, 0.5), cup={"position": (2.5, 0.5, 0.0), "radius": 0.06, "depth": 0.09})
+    builder.add("lane", outline=LANE_OUTLINE).add("mesh", file="stone.obj", at=(1.5, 0.5, 0.1))
+    course = builder.course(tmp_path)
     assert course.cup == Cup((2.5, 0.5, 0.0), 0.06, 0.09) and len(course.parts) == 4
     with pytest.raises(CourseError, match="own: parts"):
-        made.add("lane", outlines=LANE).description()
+        builder.add("lane", outlines=LANE_OUTLINE).description()
 
 
-def test_bounds_reach_around_the_lanes() -> None:
-    """Over the borders, from 0.3 m below to 2 m above the floors; around all meshes where there is no lane."""
-    made = CourseBuilder("two", tee=(0.3, 0.5)).add("lane", outline=LANE, border=0.1)
-    made.add("lane", outline=[{"box": (3.5, 0, 4.5, 1)}], level=0.5, border=0.2)
-    assert np.allclose(made.course().bounds, [(-0.1, -0.2, -0.3), (4.7, 1.2, 2.5)])
+def test_default_bounds_enclose_lanes_with_borders() -> None:
+    """From 0.3 m below to 2 m above the floors; around all meshes if there is no lane."""
+    builder = CourseBuilder("two", tee=(0.3, 0.5)).add("lane", outline=LANE_OUTLINE, border=0.1)
+    builder.add("lane", outline=[{"box": (3.5, 0, 4.5, 1)}], level=0.5, border=0.2)
+    assert np.allclose(builder.course().bounds, [(-0.1, -0.2, -0.3), (4.7, 1.2, 2.5)])
     diamond = CourseBuilder("tip", tee=(0, 0)).add(
         "lane", outline=[{"polygon": [(1, 0), (0, 1), (-1, 0), (0, -1)]}], border=0.1
     )
@@ -320,41 +324,53 @@ def test_bounds_reach_around_the_lanes() -> None:
         {"kind": "revolved", "at": (2.5, 0.5), "profile": [(0, -0.05), (0.1, -0.05), (0.0, 0.2)]},
     ],
 )
-def test_no_cup_is_cut_below_what_stands_there(part: dict[str, Any]) -> None:
-    """Nor so near that it would cut into it; over a block that ends below the floor it is."""
+def test_rejects_cup_under_obstacle(part: dict[str, Any]) -> None:
+    """Nor so near that it would cut into it; over a block that ends below the floor it is accepted."""
     for x, message in ((2.5, "cup position"), (2.36, "cup radius: expected less than"), (2.2, "")):
-        made = CourseBuilder("post", tee=(0.4, 0.5), cup=(x, 0.5, 0.0)).add("lane", outline=LANE).add(**part)
+        builder = CourseBuilder("post", tee=(0.4, 0.5), cup=(x, 0.5, 0.0)).add("lane", outline=LANE_OUTLINE).add(**part)
         if message:
             with pytest.raises(CourseError, match=message):
-                made.course()
+                builder.course()
         else:
-            assert [one.name for one in made.course().parts][:2] == ["floor", "cup"]
+            assert [one.name for one in builder.course().parts][:2] == ["floor", "cup"]
     ring = {"kind": "block", "outline": [{"box": (2.2, 0.2, 2.8, 0.8)}], "holes": [{"box": (2.3, 0.3, 2.7, 0.7)}]}
-    assert CourseBuilder("ring", tee=(0.4, 0.5), cup=(2.5, 0.5, 0.0)).add("lane", outline=LANE).add(**ring).course().cup
+    assert (
+        CourseBuilder("ring", tee=(0.4, 0.5), cup=(2.5, 0.5, 0.0))
+        .add("lane", outline=LANE_OUTLINE)
+        .add(**ring)
+        .course()
+        .cup
+    )
     low = {"kind": "block", "outline": [{"box": (2.4, 0.4, 2.6, 0.6)}], "bottom": -0.6, "top": -0.3}
-    assert CourseBuilder("low", tee=(0.4, 0.5), cup=(2.5, 0.5, 0.0)).add("lane", outline=LANE).add(**low).course().cup
+    assert (
+        CourseBuilder("low", tee=(0.4, 0.5), cup=(2.5, 0.5, 0.0))
+        .add("lane", outline=LANE_OUTLINE)
+        .add(**low)
+        .course()
+        .cup
+    )
 
 
-def test_a_surface_says_how_its_parts_look_unless_they_do() -> None:
-    """Colours are shares of 255; a border has its lane's own."""
-    made = CourseBuilder("red", tee=(0.3, 0.5)).surface("rubber", damping=0.9, material="stone", color="#102030")
-    made.add("lane", outline=LANE, border_color="#ff8000", name="way")
-    made.add("box", at=(1, 0.5, 0.1), size=(0.1, 0.1, 0.2), surface="rubber")
-    made.add(
+def test_part_appearance_overrides_that_of_its_surface() -> None:
+    """Hexadecimal colours become fractions of 255; a border has a colour of its own."""
+    builder = CourseBuilder("red", tee=(0.3, 0.5)).surface("rubber", damping=0.9, material="stone", color="#102030")
+    builder.add("lane", outline=LANE_OUTLINE, border_color="#ff8000", name="way")
+    builder.add("box", at=(1, 0.5, 0.1), size=(0.1, 0.1, 0.2), surface="rubber")
+    builder.add(
         "box", at=(2, 0.5, 0.1), size=(0.1, 0.1, 0.2), surface="rubber", material="brick", color="#ffffff", name="b"
     )
-    looks = {part.name: (part.material, part.color, part.mesh.surface.damping) for part in made.course().parts}
-    assert looks["way border"] == ("wood", (1.0, 128 / 255, 0.0), 0.7)
-    assert looks["box 2"] == ("stone", (16 / 255, 32 / 255, 48 / 255), 0.9) and looks["b"] == (
+    appearances = {part.name: (part.material, part.color, part.mesh.surface.damping) for part in builder.course().parts}
+    assert appearances["way border"] == ("wood", (1.0, 128 / 255, 0.0), 0.7)
+    assert appearances["box 2"] == ("stone", (16 / 255, 32 / 255, 48 / 255), 0.9) and appearances["b"] == (
         "brick",
         (1.0, 1.0, 1.0),
         0.9,
     )
-    assert looks["way floor"][:2] == ("felt", None)
+    assert appearances["way floor"][:2] == ("felt", None)
 
 
-def test_meshes_written_out_are_checked() -> None:
-    """Rows of vertices that are there, numbers within a kilometre, at least one face."""
+def test_inline_mesh_is_validated() -> None:
+    """Indices of existing vertices, coordinates within a kilometre, at least one face."""
     from minigolf_env.courses.schema.parts import MeshPart
 
     box = trimesh.creation.box((1, 1, 1))
@@ -376,8 +392,8 @@ def test_meshes_written_out_are_checked() -> None:
         build_inline_mesh(good, Limits(triangles=11))
 
 
-def test_limits_are_the_most_that_is_taken() -> None:
-    """As much passes, more is refused."""
+def test_limits_are_inclusive() -> None:
+    """A size at the limit is accepted, a larger one is an error."""
     limits = Limits(file_bytes=100, text_bytes=10, triangles=5, cells=30)
     limits.check_triangles(5)
     limits.check_bytes("file", 100)
@@ -389,67 +405,67 @@ def test_limits_are_the_most_that_is_taken() -> None:
     ):
         with pytest.raises(CourseError, match="expected at most"):
             refused()
-    # So many cells, and a seam around them whose triangles are as narrow as the cells.
-    for box, cell, size, most in (((1, 1, 7, 4), (1, 1), "6 x 3", 18 + 18), ((1, 1, 7, 4), (2, 1), "3 x 3", 9 + 24)):
-        Limits(cells=most).check_cells(box, cell)
-        with pytest.raises(CourseError, match=f"at most {most - 1} cells, received {size}"):
-            Limits(cells=most - 1).check_cells(box, cell)
+    # The limit counts the cells, and the narrow triangles of the seam around them.
+    for box, cell, size, largest in (((1, 1, 7, 4), (1, 1), "6 x 3", 18 + 18), ((1, 1, 7, 4), (2, 1), "3 x 3", 9 + 24)):
+        Limits(cells=largest).check_cells(box, cell)
+        with pytest.raises(CourseError, match=f"at most {largest - 1} cells, received {size}"):
+            Limits(cells=largest - 1).check_cells(box, cell)
     for text, name in ((False, "file_bytes"), (True, "text_bytes")):
         with pytest.raises(CourseError, match=rf"load it with limits=Limits\({name}=\.\.\.\)"):
             limits.check_bytes("file", 101, text)
 
 
-TUNNEL = {"kind": "tunnel", "start": (1, 0.5), "end": (2, 0.5), "height": 0.4, "roof": 0.2}
-"""Without what its door is compared with."""
+TUNNEL_PART = {"kind": "tunnel", "start": (1, 0.5), "end": (2, 0.5), "height": 0.4, "roof": 0.2}
+"""Tunnel without the keys that its door is compared with."""
 
 
 @pytest.mark.parametrize(
     ("part", "message"),
     [
         ({"kind": "ramp", "start": (1, 0.5), "end": (1, 0.5), "width": 0.4, "height": 0.1}, "other than the start"),
-        ({**TUNNEL, "width": 0.6, "door": 0.4}, "door: expected less than the width and the height"),
-        ({**TUNNEL, "width": 0.2, "door": 0.2}, "door: expected less than the width and the height"),
+        ({**TUNNEL_PART, "width": 0.6, "door": 0.4}, "door: expected less than the width and the height"),
+        ({**TUNNEL_PART, "width": 0.2, "door": 0.2}, "door: expected less than the width and the height"),
         ({"kind": "mesh", "file": "far.obj"}, "expected corners within 1000 m"),
         ({"kind": "mesh", "file": "none.glb"}, "expected triangles, received 'none.glb' without any"),
     ],
 )
-def test_parts_that_cannot_be_built_say_why(part: dict[str, Any], message: str, tmp_path: Path) -> None:
-    """Ramps that lead nowhere, doors wider than their house, meshes far away or without triangles."""
+def test_error_says_why_part_cannot_be_built(part: dict[str, Any], message: str, tmp_path: Path) -> None:
+    """Ramps without length, doors wider than their house, meshes far away or without triangles."""
     trimesh.creation.box((1, 1, 1), np.diag([1, 1, 1, 1]) + 2000.0 * np.eye(4, k=3)).export(tmp_path / "far.obj")
     (tmp_path / "none.glb").write_bytes(write_scene([SceneObject("nothing", (0.0, 0.0, 0.0), {}, None, None)], {}))
     with pytest.raises(CourseError, match=f"part '.* 2': .*{message}"):
-        CourseBuilder("one", tee=(0.3, 0.5)).add("lane", outline=LANE).add(**part).course(tmp_path)
+        CourseBuilder("one", tee=(0.3, 0.5)).add("lane", outline=LANE_OUTLINE).add(**part).course(tmp_path)
 
 
 @pytest.mark.parametrize("turn", [0, 90, 180, -90])
-def test_a_lane_with_heights_is_as_thick_below_its_lowest_place(turn: int) -> None:
-    """Wherever along it that is."""
+def test_lane_with_heights_has_its_thickness_below_lowest_point(turn: int) -> None:
+    """Wherever along the lane the lowest point is."""
     dip = [{"kind": "along", "at": (1.5, 0.5), "turn": turn, "profile": [(0.2, 0.0), (0.4, -0.2)]}]
     for level in (0.0, 0.3):
         lane = CourseBuilder("dip", tee=(1.5, 0.5)).add(
-            "lane", outline=LANE, heights=dip, level=level, thickness=0.15, border=0
+            "lane", outline=LANE_OUTLINE, heights=dip, level=level, thickness=0.15, border=0
         )
         assert lane.course().parts[0].mesh.vertices[:, 2].min() == pytest.approx(level - 0.2 - 0.15)
 
 
-def test_a_part_named_as_the_tee_is_none(tmp_path: Path) -> None:
-    """In a .glb file it is called a part; the tee stays one."""
-    made = CourseBuilder("one", tee=(0.3, 0.5)).add("lane", outline=LANE)
-    made.add("box", name="Tee post", at=(1.5, 0.5, 0.1), size=(0.1, 0.1, 0.3))
-    (tmp_path / "one.glb").write_bytes(to_glb(made.course()))
+def test_part_named_like_tee_is_renamed_in_glb(tmp_path: Path) -> None:
+    """In the file its name begins with "part"; the tee stays the tee."""
+    builder = CourseBuilder("one", tee=(0.3, 0.5)).add("lane", outline=LANE_OUTLINE)
+    builder.add("box", name="Tee post", at=(1.5, 0.5, 0.1), size=(0.1, 0.1, 0.3))
+    (tmp_path / "one.glb").write_bytes(to_glb(builder.course()))
     again = load_course(tmp_path / "one.glb")
-    assert again.tee == made.course().tee and again.parts[-1].name == "part Tee post"
+    assert again.tee == builder.course().tee and again.parts[-1].name == "part Tee post"
 
 
 @pytest.mark.parametrize("side", [(0, 0), (1, 0), (0, 1), (-1, 0), (0, -1)])
-def test_a_cup_is_cut_where_the_ground_is_level_around_it(side: tuple[int, int]) -> None:
-    """Whatever the level, and not where there is a bump in its middle or on any side of its wall."""
-    x, y = (at + (Cup.radius + CUP_LINER_THICKNESS) * way for at, way in zip((1.5, 0.5), side, strict=True))
+def test_cup_needs_level_ground_at_centre_and_sides(side: tuple[int, int]) -> None:
+    """At any level, but not with a bump in its centre or on any side of its wall."""
+    x, y = (at + (Cup.radius + CUP_LINER_THICKNESS) * delta for at, delta in zip((1.5, 0.5), side, strict=True))
 
     def course(up: float) -> Course:
         bump = {"kind": "radial", "at": (x, y), "profile": [(0, up), (0.5 * CUP_LINER_THICKNESS, 0)]}
         hole = CourseBuilder("bump", tee={"at": (0.4, 0.5), "height": 0.3}, cup=(1.5, 0.5, 0.3), par=2)
-        return hole.add("lane", outline=LANE, level=0.3, heights=[bump]).course()
+        return hole.add("lane", outline=LANE_OUTLINE, level=0.3, heights=[bump]).course()
 
     assert course(0.0).cup is not None
     with pytest.raises(CourseError, match="cup position: expected a place on a lane, at its level"):

@@ -1,4 +1,4 @@
-"""Endless levels: the same everywhere, closed, free of overlaps, and playable."""
+"""Procedural levels: equal on every machine, closed, free of overlaps, and playable."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from minigolf_env.courses.procedural import (
     _build_cached,
     level_name,
 )
-from minigolf_env.courses.procedural import layout as layouts
+from minigolf_env.courses.procedural import layout as layout_module
 from minigolf_env.courses.procedural.lane_features import FEATURES_BY_DIFFICULTY, MIN_SLOPE, LaneFeature
 from minigolf_env.courses.procedural.layout import Layout, generate_layout
 from minigolf_env.courses.procedural.level import BORDER_WIDTH, FELT_SURFACE, build_level
@@ -29,7 +29,7 @@ from minigolf_env.courses.procedural.portable_rng import PortableRng
 from minigolf_env.envs import MiniGolfEnv
 from minigolf_env.envs.config import _cached_world
 
-PINNED = {
+PINNED_FINGERPRINTS = {
     ("easy", 0): "7032471adce0945f",
     ("easy", 2**31 - 1): "fb05a00a7563dc17",
     ("medium", 1): "00bfe365a5ccc638",
@@ -38,15 +38,15 @@ PINNED = {
     ("hard", 7): "9064d9f988e03743",
     ("hard", 12345): "8672e534c544804e",
 }
-"""Each level's fingerprint. If a change of the levels is meant, raise GENERATOR and pin the new ones."""
+"""Fingerprint of each level. To change levels on purpose, raise GENERATOR_VERSION and pin the new ones."""
 
-SAMPLE = [
+LEVEL_PARAMS = [
     pytest.param(difficulty, level, id=f"{difficulty}-{level}") for difficulty in DIFFICULTY_NAMES for level in range(8)
 ]
 
 
 def fingerprint(course: Course) -> str:
-    """Return a hash of all that a ball can notice of a course."""
+    """Return a hash of everything in a course that affects a ball."""
     digest = hashlib.sha256(repr((course.tee, course.cup, course.route, course.bounds)).encode())
     for part in course.parts:
         digest.update(repr((part.name, part.material, part.mesh.surface)).encode())
@@ -54,39 +54,39 @@ def fingerprint(course: Course) -> str:
     return digest.hexdigest()[:16]
 
 
-@pytest.mark.parametrize(("difficulty", "level"), PINNED)
-def test_a_level_stays_what_it_is(difficulty: str, level: int) -> None:
+@pytest.mark.parametrize(("difficulty", "level"), PINNED_FINGERPRINTS)
+def test_level_meshes_match_pinned_fingerprints(difficulty: str, level: int) -> None:
     """The meshes are those of every other machine and version, bit for bit."""
-    assert fingerprint(build_level(difficulty, level)) == PINNED[difficulty, level]
+    assert fingerprint(build_level(difficulty, level)) == PINNED_FINGERPRINTS[difficulty, level]
 
 
-def test_every_feature_is_in_a_pinned_level(monkeypatch: pytest.MonkeyPatch) -> None:
-    """So that a change of any of them is noticed."""
-    laid: list[str] = []
+def test_pinned_levels_contain_every_feature(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A change of any feature changes a pinned fingerprint."""
+    added: list[str] = []
 
-    def attempt(difficulty: str, rng: PortableRng, legs: int) -> Layout:
-        laid.clear()  # Only the last lane that is tried is the level's.
-        return intact(difficulty, rng, legs)
+    def draw_and_record(difficulty: str, rng: PortableRng, legs: int) -> Layout:
+        added.clear()  # The level has the last lane that was drawn.
+        return draw_layout(difficulty, rng, legs)
 
-    def noted(feature: LaneFeature) -> LaneFeature:
-        return lambda lane, rng: (laid.append(feature.__name__), feature(lane, rng))[1]
+    def recorded(feature: LaneFeature) -> LaneFeature:
+        return lambda lane, rng: (added.append(feature.__name__), feature(lane, rng))[1]
 
-    intact = layouts._draw_layout
-    monkeypatch.setattr(layouts, "_draw_layout", attempt)
+    draw_layout = layout_module._draw_layout
+    monkeypatch.setattr(layout_module, "_draw_layout", draw_and_record)
     monkeypatch.setattr(
-        layouts,
+        layout_module,
         "FEATURES_BY_DIFFICULTY",
-        {key: tuple(map(noted, some)) for key, some in FEATURES_BY_DIFFICULTY.items()},
+        {key: tuple(map(recorded, features)) for key, features in FEATURES_BY_DIFFICULTY.items()},
     )
     pinned = set()
-    for difficulty, level in PINNED:
+    for difficulty, level in PINNED_FINGERPRINTS:
         generate_layout(difficulty, PortableRng(GENERATOR_VERSION, DIFFICULTY_NAMES.index(difficulty), level))
-        pinned |= set(laid)
-    assert pinned == {feature.__name__ for some in FEATURES_BY_DIFFICULTY.values() for feature in some}
+        pinned |= set(added)
+    assert pinned == {feature.__name__ for features in FEATURES_BY_DIFFICULTY.values() for feature in features}
 
 
-def test_another_process_makes_the_same_level() -> None:
-    """Whatever seeds its hashes; and without the libraries of meshes, which take long to load."""
+def test_another_process_generates_same_level() -> None:
+    """Whatever its hash seed, and without importing mesh libraries, which load slowly."""
     code = (
         "import sys; from minigolf_env.courses.procedural.level import build_level;"
         "import hashlib; course = build_level('hard', 5);"
@@ -98,8 +98,8 @@ def test_another_process_makes_the_same_level() -> None:
     assert done.stdout.split(maxsplit=1) == [hashlib.sha256(here).hexdigest(), "set()\n"]
 
 
-def test_par_counts_the_legs() -> None:
-    """Two for a lane of one leg, one more for every two further ones, four at most."""
+def test_par_grows_with_number_of_legs() -> None:
+    """Two for one leg, one more for every two further legs, four at most."""
     legs = set()
     for difficulty, level in itertools.product(DIFFICULTY_NAMES, range(8)):
         layout = generate_layout(difficulty, PortableRng(GENERATOR_VERSION, DIFFICULTY_NAMES.index(difficulty), level))
@@ -108,15 +108,15 @@ def test_par_counts_the_legs() -> None:
     assert legs == {1, 2, 3, 4, 5}
 
 
-def test_levels_differ() -> None:
-    """By number and by difficulty."""
+def test_levels_differ_by_number_and_difficulty() -> None:
+    """No two of thirty levels are equal."""
     prints = [fingerprint(build_level(difficulty, level)) for difficulty in DIFFICULTY_NAMES for level in range(10)]
     assert len(set(prints)) == len(prints)
 
 
-@pytest.mark.parametrize(("difficulty", "level"), SAMPLE)
-def test_every_part_is_a_closed_solid(difficulty: str, level: int) -> None:
-    """Watertight, wound outwards; the world finds room for the ball on the tee and in the cup."""
+@pytest.mark.parametrize(("difficulty", "level"), LEVEL_PARAMS)
+def test_level_parts_are_closed_solids(difficulty: str, level: int) -> None:
+    """Watertight and wound outwards; the ball fits on the tee and into the cup."""
     course = load_course(level_name(difficulty, level))
     for part in course.parts:
         solid = trimesh.Trimesh(part.mesh.vertices, part.mesh.faces)
@@ -125,7 +125,7 @@ def test_every_part_is_a_closed_solid(difficulty: str, level: int) -> None:
 
 
 @pytest.mark.parametrize("difficulty", DIFFICULTY_NAMES)
-def test_a_lane_keeps_clear_of_itself(difficulty: str) -> None:
+def test_lane_does_not_overlap_itself(difficulty: str) -> None:
     """The outlines of a hundred lanes with their borders are simple polygons, connected from tee to cup."""
     for level in range(100):
         layout = generate_layout(difficulty, PortableRng(GENERATOR_VERSION, DIFFICULTY_NAMES.index(difficulty), level))
@@ -138,9 +138,9 @@ def test_a_lane_keeps_clear_of_itself(difficulty: str) -> None:
         assert outline.buffer(1e-6).contains(route), f"{difficulty} {level}: the route leaves the lane"
 
 
-@pytest.mark.parametrize(("difficulty", "level"), SAMPLE)
-def test_the_floor_covers_its_lane_once(difficulty: str, level: int) -> None:
-    """Seen from above its faces fill the outline but for the hole, without overlaps or gaps."""
+@pytest.mark.parametrize(("difficulty", "level"), LEVEL_PARAMS)
+def test_floor_covers_lane_exactly_once(difficulty: str, level: int) -> None:
+    """Seen from above its faces fill the outline except for the hole, without overlaps or gaps."""
     layout = generate_layout(difficulty, PortableRng(GENERATOR_VERSION, DIFFICULTY_NAMES.index(difficulty), level))
     outline = shapely.Polygon([layout.lane.points[k][:2] for k in layout.lane.boundary()])
     floor, cup = build_level(difficulty, level).parts[:2]
@@ -150,9 +150,9 @@ def test_the_floor_covers_its_lane_once(difficulty: str, level: int) -> None:
     assert areas[areas > 0.0].sum() == pytest.approx(outline.area - hole.area, rel=1e-4)
 
 
-@pytest.mark.parametrize(("difficulty", "level"), SAMPLE)
-def test_balls_roll_down_every_slope(difficulty: str, level: int) -> None:
-    """Felt is level, or steeper than rolling resistance holds a ball on."""
+@pytest.mark.parametrize(("difficulty", "level"), LEVEL_PARAMS)
+def test_slopes_are_level_or_steeper_than_rolling_resistance(difficulty: str, level: int) -> None:
+    """No ball comes to rest on a slope of felt."""
     course = build_level(difficulty, level)
     for part in (part for part in course.parts if part.mesh.surface == FELT_SURFACE):
         a, b, c = np.moveaxis(part.mesh.triangles, 1, 0)
@@ -165,30 +165,30 @@ def test_balls_roll_down_every_slope(difficulty: str, level: int) -> None:
 @pytest.mark.parametrize(
     ("difficulty", "level"), [(d, 50 + k) for d, k in itertools.product(DIFFICULTY_NAMES, range(3))]
 )
-def test_a_level_can_be_played(difficulty: str, level: int) -> None:
-    """Search holes out; random play rests where it can go on, or is out over the border; no step loses time."""
+def test_search_holes_out_and_random_play_never_gets_stuck(difficulty: str, level: int) -> None:
+    """Random play rests where it can continue or is out over the border; no step exhausts its sub-steps."""
     env = MiniGolfEnv("procedural", difficulty=difficulty, tee="fixed", max_strokes=11)
     seen = examine_level(env, difficulty, level, Args(balls=10))
     assert seen.strokes <= 10
     assert (seen.exhausted, seen.low_out, seen.inside, seen.stuck, seen.late) == (0, 0, 0, 0, 0)
 
 
-def test_a_wider_cup_changes_nothing_else() -> None:
-    """Lane, tee and obstacles stay; a cup that does not fit is refused."""
-    usual, wide = build_level("medium", 3), build_level("medium", 3, cup_radius=0.15)
+def test_cup_radius_changes_only_cup_and_floor() -> None:
+    """Lane, tee and obstacles stay; a cup that does not fit is an error."""
+    default, wide = build_level("medium", 3), build_level("medium", 3, cup_radius=0.15)
     assert wide.cup is not None and wide.cup.radius == 0.15
-    assert [part.name for part in usual.parts] == [part.name for part in wide.parts]
-    for a, b in list(zip(usual.parts, wide.parts, strict=True))[2:]:
+    assert [part.name for part in default.parts] == [part.name for part in wide.parts]
+    for a, b in list(zip(default.parts, wide.parts, strict=True))[2:]:
         assert np.array_equal(a.mesh.vertices, b.mesh.vertices)
-    assert (usual.tee, usual.route) == (wide.tee, wide.route)
+    assert (default.tee, default.route) == (wide.tee, wide.route)
     wide.world()
     for radius, message in ((0.25, "expected at most 0.2 m, received 0.25"), (0.02, "more than the ball's radius")):
         with pytest.raises(CourseError, match=message):
             load_course(level_name("easy", 0), cup_radius=radius)
 
 
-def test_levels_are_found_by_name() -> None:
-    """A level's name, as info has it, loads it; as many are kept as a usual training set has."""
+def test_levels_load_by_name() -> None:
+    """By the name that info contains; the cache holds a usual training set."""
     course = load_course(f"procedural-v{GENERATOR_VERSION}-easy-17")
     assert course.name == f"procedural-v{GENERATOR_VERSION}-easy-17"
     assert load_course(course.name) is course
@@ -206,7 +206,7 @@ def test_levels_are_found_by_name() -> None:
         ("procedural-17", "expected a level named like"),
     ],
 )
-def test_names_of_no_level_say_why(name: str, message: str) -> None:
-    """The message holds what was expected and received."""
+def test_invalid_level_name_error_says_why(name: str, message: str) -> None:
+    """The message contains the expected and received value."""
     with pytest.raises(CourseError, match=message):
         load_course(name)

@@ -49,7 +49,7 @@ MAX_LAYOUT_COORDINATE = 9.0
 """Largest absolute x or y of a lane, m."""
 
 MAX_LAYOUT_ATTEMPTS = 50
-"""Largest number of lanes that are drawn until one does not overlap itself; most first ones do not."""
+"""Largest number of lanes that are drawn until one does not overlap itself; usually the first one does not."""
 
 
 class Layout(NamedTuple):

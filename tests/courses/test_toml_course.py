@@ -1,4 +1,4 @@
-"""Course files: what they say is what is built, faults are told by line and key, hostile ones cost little."""
+"""Course files: they build what they describe, errors name line and key, hostile files cost little."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from minigolf_env.courses.schema.limits import Limits
 from minigolf_env.physics import Status
 
 DOGLEG = (DATA_DIR / "dogleg.toml").read_text()
-MUTATIONS = 3000
-"""Broken files tried here; ``python -m tests.courses.test_files 100000`` tries more."""
+NUM_MUTATIONS = 3000
+"""Number of broken files in the test; ``python -m tests.courses.test_toml_course 100000`` tries more."""
 
 
 def same_physics(a: Course, b: Course) -> bool:
-    """Return whether two courses are the same bits, and a putt's path on them is."""
+    """Return whether two courses and the results of putts on them are bit-equal."""
     same = (a.name, a.tee, a.cup, a.par, a.bounds, a.route) == (b.name, b.tee, b.cup, b.par, b.bounds, b.route)
     same &= (a.top_speed, a.ball_radius, a.gravity) == (b.top_speed, b.ball_radius, b.gravity)
     for p, q in zip(a.parts, b.parts, strict=True):
@@ -35,12 +35,12 @@ def same_physics(a: Course, b: Course) -> bool:
     x, y = a.tee.centre
     velocity = np.array([[0.7, 0.2, 0.0], [0.9, -0.1, 0.0], [-0.4, 0.5, 0.3]]) * a.top_speed
     starts = np.tile([x, y, a.tee.height + a.ball_radius], (3, 1))
-    one, other = (course.world().simulate_batch(starts, velocity, 10.0) for course in (a, b))
-    return bool(same) and all(np.asarray(u).tobytes() == np.asarray(v).tobytes() for u, v in zip(one[:4], other[:4]))
+    first, second = (course.world().simulate_batch(starts, velocity, 10.0) for course in (a, b))
+    return bool(same) and all(np.asarray(u).tobytes() == np.asarray(v).tobytes() for u, v in zip(first[:4], second[:4]))
 
 
 @pytest.mark.parametrize("name", ["dogleg", "room", "gap", "loop"])
-def test_a_course_written_out_and_read_again_is_the_same_bits(name: str, tmp_path: Path) -> None:
+def test_course_survives_toml_round_trip_bitwise(name: str, tmp_path: Path) -> None:
     """Course -> TOML -> Course."""
     course = load_course(name)
     (tmp_path / "copy.toml").write_text(to_toml(course))
@@ -48,14 +48,14 @@ def test_a_course_written_out_and_read_again_is_the_same_bits(name: str, tmp_pat
 
 
 @pytest.mark.parametrize("name", [*list_courses(), "room"])
-def test_a_description_written_and_read_again_is_the_same(name: str) -> None:
+def test_description_survives_toml_round_trip(name: str) -> None:
     """Description -> TOML -> description."""
     file = parse_description((DATA_DIR / f"{name}.toml").read_text())
     assert parse_description(to_toml(file)) == file
 
 
-def test_a_hole_made_in_python_is_the_file_it_saves(tmp_path: Path) -> None:
-    """The builder, in a few lines."""
+def test_builder_gives_same_course_as_file_it_saves(tmp_path: Path) -> None:
+    """With a surface of its own; unknown kinds of parts are errors."""
     hole = CourseBuilder("post", tee=(0.4, 0.5), cup=(2.5, 0.5, 0.0), top_speed=5.0)
     hole.surface("rubber", damping=0.9)
     hole.add("lane", outline=[{"box": (0, 0, 3, 1)}])
@@ -95,22 +95,22 @@ PARTS = [
 
 
 @pytest.mark.parametrize("part", PARTS, ids=lambda part: part["kind"])
-def test_every_kind_of_part_is_solid_and_stops_no_ball_for_good(part: dict[str, object]) -> None:
+def test_every_kind_of_part_is_solid_and_traps_no_ball(part: dict[str, object]) -> None:
     """Closed, wound outwards, in the way, and balls thrown at it come to rest outside of it."""
     course = CourseBuilder("one", tee=(0.3, 0.5)).add("lane", outline=[{"box": (0, 0, 3, 1)}]).add(**part).course()
-    own = course.parts[2:]
-    assert own and all(one.mesh.is_closed and one.mesh.volume > 0.0 for one in own)
+    solids = course.parts[2:]
+    assert solids and all(solid.mesh.is_closed and solid.mesh.volume > 0.0 for solid in solids)
     world = course.world()
     angle = np.linspace(-0.3, 0.3, 60)
     velocities = np.column_stack([3.0 * np.cos(angle), 3.0 * np.sin(angle), 0.0 * angle])
     shots = world.simulate_batch(np.tile([0.3, 0.5, course.ball_radius], (60, 1)), velocities)
     assert not np.any(shots.exhausted) and np.mean(np.asarray(shots.status) == Status.REST) > 0.95
-    inside = [abs(turns) > 0.5 for one in own for turns in one.mesh.winding_number(shots.position)]
+    inside = [abs(winding) > 0.5 for solid in solids for winding in solid.mesh.winding_number(shots.position)]
     assert not any(inside)
 
 
-def test_heights_are_those_of_the_profile() -> None:
-    """A floor follows its profile between rounded corners, exactly where it is level."""
+def test_floor_follows_its_height_profile() -> None:
+    """Between rounded corners it is linear, and where the profile is level it is exactly level."""
     heights = [{"kind": "along", "profile": [(1, 0), (2, 0.2)], "rounding": 0.1}]
     hole = CourseBuilder("slope", tee=(0.3, 0.5)).add(
         "lane", outline=[{"box": (0, 0, 3, 1)}], heights=heights, border=0
@@ -123,8 +123,8 @@ def test_heights_are_those_of_the_profile() -> None:
 
 
 @pytest.mark.parametrize("kind", ["along", "radial"])
-def test_heights_out_of_order_are_refused(kind: str) -> None:
-    """They would be flat."""
+def test_rejects_profile_whose_distances_decrease(kind: str) -> None:
+    """Such a profile is not a function of distance."""
     heights = [{"kind": kind, "at": (1.5, 0.5), "profile": [(3, 0), (2, 0.3), (1, 0)]}]
     with pytest.raises(
         CourseError, match=r"heights\[0\].profile: expected distances that grow, received 2.0 after 3.0"
@@ -153,26 +153,26 @@ def test_heights_out_of_order_are_refused(kind: str) -> None:
         ('name = "block"', 'name = "../block"', r"parts\[1\].name: string should match pattern"),
     ],
 )
-def test_faults_are_told_by_line_and_key(old: str, new: str, message: str) -> None:
-    """What is wrong, where, what was expected and received, and what was perhaps meant."""
+def test_errors_name_line_and_key(old: str, new: str, message: str) -> None:
+    """The message says what was expected and received, and perhaps what was meant."""
     assert old in DOGLEG
     with pytest.raises(CourseError, match=message):
         build_course(parse_description(DOGLEG.replace(old, new), "hole.toml")).world()
 
 
-def knot(points: int) -> list[list[float]]:
-    """Return a line from one side of a circle to the other, again and again."""
+def crossing_line(points: int) -> list[list[float]]:
+    """Return a line that crosses a circle from side to side many times."""
     return [[math.cos(3.0 * k), math.sin(3.0 * k)] for k in range(points)]
 
 
-def wheels(number: int) -> str:
-    """Return as many polygons of as many corners as a polygon may have."""
+def large_polygons(number: int) -> str:
+    """Return a number of polygons that have the largest allowed number of corners."""
     corners = [[math.cos(math.tau * k / 2000), math.sin(math.tau * k / 2000)] for k in range(2000)]
     return ", ".join([f"{{ polygon = {corners} }}"] * number)
 
 
-def test_broken_and_huge_files_are_refused_promptly(tmp_path: Path) -> None:
-    """Within bounds that the caller can raise."""
+def test_rejects_broken_and_huge_files_with_little_memory(tmp_path: Path) -> None:
+    """The limits can be changed by the caller."""
     cases = {
         "deep.toml": "x = " + "[" * 100_000,
         "deeper.toml": "name = " + "{ a = " * 3000 + "1" + "}" * 3000,
@@ -180,8 +180,8 @@ def test_broken_and_huge_files_are_refused_promptly(tmp_path: Path) -> None:
         "digits.toml": "par = " + "9" * 100_000,
         "noise.toml": "\x00\x01",
         "spaces.toml": 'name = "hole"\n' + " " * 1_000_000 + "\nparts = 3\n",
-        "knot.toml": DOGLEG + f'[[parts]]\nkind = "lane"\noutline = [{{ line = {knot(2000)} }}]\n',
-        "corners.toml": DOGLEG + f'[[parts]]\nkind = "lane"\noutline = [{wheels(11)}]\n',
+        "knot.toml": DOGLEG + f'[[parts]]\nkind = "lane"\noutline = [{{ line = {crossing_line(2000)} }}]\n',
+        "corners.toml": DOGLEG + f'[[parts]]\nkind = "lane"\noutline = [{large_polygons(11)}]\n',
         "cells.toml": DOGLEG + '[[parts]]\nkind = "lane"\noutline = [{ box = [0, 0, 900, 900] }]\n'
         'heights = [{ kind = "along", profile = [[0, 0], [1, 1]] }]\ncell = [0.001, 0.001]\n',
         "sides.toml": DOGLEG + '[[parts]]\nkind = "sphere"\nat = [0, 0, 0]\nradius = 1\nsubdivisions = 40\n',
@@ -203,7 +203,7 @@ def test_broken_and_huge_files_are_refused_promptly(tmp_path: Path) -> None:
             load_course(path)
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
-    assert peak < 100e6, "a file's word is not allocated on"
+    assert peak < 100e6, "memory is not allocated by the counts in a file"
     with pytest.raises(CourseError, match="at most 100 bytes"):
         load_course("dogleg", limits=Limits(text_bytes=100))
     with pytest.raises(CourseError, match="at most 100 triangles in a course"):
@@ -211,8 +211,8 @@ def test_broken_and_huge_files_are_refused_promptly(tmp_path: Path) -> None:
 
 
 def mutate(text: str, rng: random.Random) -> str:
-    """Return text with a few characters, words or lines changed, doubled or dropped."""
-    wild = [
+    """Return text with a few characters, words or lines changed, duplicated or removed."""
+    replacements = [
         "nan",
         "inf",
         "-1e308",
@@ -231,18 +231,19 @@ def mutate(text: str, rng: random.Random) -> str:
         ".",
     ]
     for _ in range(rng.randint(1, 4)):
-        kind, at = rng.randrange(5), rng.randrange(len(text))
+        kind = rng.randrange(5)
+        at = rng.randrange(len(text))
         end = min(len(text), at + rng.choice([1, 1, 3, 10, 80]))
         if kind == 0:
             text = text[:at] + text[end:]
         elif kind == 1:
             text = text[:at] + text[at:end] * 2 + text[end:]
         elif kind == 2:
-            text = text[:at] + rng.choice(wild) + text[end:]
+            text = text[:at] + rng.choice(replacements) + text[end:]
         else:
             words = text.split(" ")
             k = rng.randrange(len(words))
-            words[k] = rng.choice(wild) if kind == 3 else words[rng.randrange(len(words))]
+            words[k] = rng.choice(replacements) if kind == 3 else words[rng.randrange(len(words))]
             text = " ".join(words)
         if not text:
             return "x"
@@ -250,43 +251,43 @@ def mutate(text: str, rng: random.Random) -> str:
 
 
 def fuzz(count: int, seed: int) -> tuple[int, int]:
-    """Return how many of mutated files were refused and built; anything but a CourseError is a fault of ours."""
+    """Return how many of ``count`` mutated files are rejected and how many load; fail on anything but a CourseError."""
     rng = random.Random(seed)  # noqa: S311 (not for secrets)
     texts = [
         path.read_text()
         for path in sorted(DATA_DIR.glob("*.toml"))
         if path.stem not in ("green100k", "volcano", "funnel")
     ]
-    refused = built = 0
+    rejected = loaded = 0
     for number in range(count):
         text = mutate(rng.choice(texts), rng)
         try:
             file: CourseFile = parse_description(text)
             if number % 10 == 0:
                 build_course(file, limits=Limits(triangles=20_000, cells=4_000))
-            built += 1
+            loaded += 1
         except CourseError:
-            refused += 1
+            rejected += 1
         except Exception as error:
             raise AssertionError(f"expected a CourseError, received {error!r} from:\n{text}") from error
-    return refused, built
+    return rejected, loaded
 
 
-def test_mutated_files_are_read_or_refused() -> None:
-    """Nothing else happens, and memory stays bounded."""
+def test_mutated_files_load_or_raise_course_error() -> None:
+    """No other exception is raised, and memory stays bounded."""
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    refused, built = fuzz(MUTATIONS, seed=0)
-    assert refused > MUTATIONS // 4 and built > 100
+    rejected, loaded = fuzz(NUM_MUTATIONS, seed=0)
+    assert rejected > NUM_MUTATIONS // 4 and loaded > 100
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 300_000  # kB
 
 
-def test_toml_written_is_toml() -> None:
-    """What the standard library reads."""
+def test_written_toml_is_valid() -> None:
+    """The standard library reads it."""
     assert tomllib.loads(to_toml(load_course("dogleg")))["name"] == "dogleg"
 
 
 if __name__ == "__main__":
     import sys
 
-    refused, built = fuzz(int(sys.argv[1]), seed=int(sys.argv[2]) if len(sys.argv) > 2 else 0)
-    print(f"refused {refused}, read {built}")
+    rejected, loaded = fuzz(int(sys.argv[1]), seed=int(sys.argv[2]) if len(sys.argv) > 2 else 0)
+    print(f"rejected {rejected}, loaded {loaded}")

@@ -1,4 +1,4 @@
-"""What course files' errors say: the key, the line, what was expected and what received."""
+"""Messages of course file errors: key, line, expected and received value."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ DOGLEG = (DATA_DIR / "dogleg.toml").read_text()
 
 
 def line_of(text: str, start: str, nth: int = 0) -> int:
-    """Return the number of the nth line that starts so."""
+    """Return the number of the nth line that starts with a text."""
     return [number for number, line in enumerate(text.splitlines(), 1) if line.lstrip().startswith(start)][nth]
 
 
 def message_of(text: str) -> str:
-    """Return what is wrong with a course file."""
-    with pytest.raises(CourseError) as told:
+    """Return the error message about a course file."""
+    with pytest.raises(CourseError) as raised:
         build_course(parse_description(text, "hole.toml"))
-    return str(told.value)
+    return str(raised.value)
 
 
 @pytest.mark.parametrize(
@@ -36,37 +36,37 @@ def message_of(text: str) -> str:
         ("border ", "border = -1.0", "parts[0].border: expected greater than or equal to 0, received -1.0"),
     ],
 )
-def test_a_fault_is_told_with_its_line(start: str, new: str, where: str) -> None:
-    """Of the key, wherever it is in the file."""
+def test_error_names_line_of_key(start: str, new: str, where: str) -> None:
+    """Wherever the key is in the file."""
     lines = DOGLEG.splitlines()
     number = line_of(DOGLEG, start)
     lines[number - 1] = new
     assert message_of("\n".join(lines)).startswith(f"hole.toml: line {number}: {where}")
 
 
-def test_several_faults_are_told_each_on_a_line() -> None:
-    """Five of them, and how many there are besides."""
-    many = DOGLEG + "".join(f"[[parts]]\nkind = 'sphere'\nat = [0, 0, {k}]\nradius = -1.0\n" for k in range(8))
-    told = message_of(many).splitlines()
-    first = line_of(many, "radius")
-    assert len(told) == 6 and told[-1] == "and 3 more"
-    for k, line in enumerate(told[:5]):
+def test_message_lists_five_faults_and_counts_the_others() -> None:
+    """Each on a line of its own."""
+    text = DOGLEG + "".join(f"[[parts]]\nkind = 'sphere'\nat = [0, 0, {k}]\nradius = -1.0\n" for k in range(8))
+    messages = message_of(text).splitlines()
+    first = line_of(text, "radius")
+    assert len(messages) == 6 and messages[-1] == "and 3 more"
+    for k, line in enumerate(messages[:5]):
         assert line.removeprefix("hole.toml: ").startswith(f"line {first + 4 * k}: parts[")
         assert line.endswith("].radius: expected greater than 0, received -1.0")
-    assert "more" not in message_of(many.split("at = [0, 0, 5]")[0] + "at = [0, 0, 0]\nradius = 1.0\n")
+    assert "more" not in message_of(text.split("at = [0, 0, 5]")[0] + "at = [0, 0, 0]\nradius = 1.0\n")
 
 
-def test_a_missing_key_is_told_with_the_line_of_its_table() -> None:
-    """And asked for."""
+def test_missing_key_is_reported_at_line_of_its_table() -> None:
+    """The message asks to add it."""
     text = DOGLEG + '\n[[parts]]\nkind = "sphere"\nat = [0, 0, 0]\n'
     parts = len([line for line in text.splitlines() if line.startswith("[[parts]]")])
     number = line_of(text, "[[parts]]", parts - 1)
-    told = f"hole.toml: line {number}: parts[{parts - 1}].radius: expected this key, received none; add it"
-    assert message_of(text) == told
+    message = f"hole.toml: line {number}: parts[{parts - 1}].radius: expected this key, received none; add it"
+    assert message_of(text) == message
 
 
-def test_places_in_a_file_are_paths_of_keys() -> None:
-    """Kinds of corners and heights are no keys, and not in them."""
+def test_fault_location_is_a_path_of_keys() -> None:
+    """Pydantic's tags for kinds of corners and heights are not part of it."""
     for part, path in (
         ({"outline": [{"polygon": [(0, 0), (1, 0), {"via": (1, "x"), "to": (0, 1)}]}]}, "outline[0].polygon[2].via[1]"),
         ({"outline": [{"polygon": [(0, 0), (1, "x"), (0, 1)]}]}, "outline[0].polygon[1][1]"),
@@ -80,24 +80,24 @@ def test_places_in_a_file_are_paths_of_keys() -> None:
         ),
         ({"outline": [{"box": (0, 0, 1, 1)}], "heights": [{"kind": "radial", "at": (0, "x")}]}, "heights[0].at[1]"),
     ):
-        with pytest.raises(CourseError) as told:
+        with pytest.raises(CourseError) as raised:
             CourseBuilder("one", tee=(0, 0)).add("lane", **part).description()
-        assert str(told.value).startswith(f"one: parts[0].{path}: ")
+        assert str(raised.value).startswith(f"one: parts[0].{path}: ")
 
 
-def test_an_unknown_key_of_the_file_itself_has_no_path() -> None:
+def test_unknown_top_level_key_has_no_path() -> None:
     """It is in no table."""
     assert message_of('nmae = "x"').startswith("hole.toml: unknown key 'nmae'; did you mean 'name'?")
 
 
-def test_no_key_reaches_a_terminal_as_it_is() -> None:
-    """It may hold the terminal's commands."""
-    told = message_of('[surfaces."a\\u001b[31m"]\nmaterial = 1\n')
-    assert "surfaces.'a\\x1b[31m'" in told and "\x1b" not in told
+def test_control_characters_in_keys_are_escaped() -> None:
+    """A key may contain control codes of a terminal."""
+    message = message_of('[surfaces."a\\u001b[31m"]\nmaterial = 1\n')
+    assert "surfaces.'a\\x1b[31m'" in message and "\x1b" not in message
 
 
-def test_keys_of_many_parts_are_refused_before_they_cost_time() -> None:
-    """As many dots as are allowed are read, and then unknown."""
+def test_rejects_key_of_many_parts_before_parsing() -> None:
+    """As many dots as are allowed are parsed, and the key is then unknown."""
     assert "unknown key" in message_of("a" + ".a" * MAX_KEY_DOTS + " = 1")
     assert f"a key of more than {MAX_KEY_DOTS} parts" in message_of("a" + ".a" * (MAX_KEY_DOTS + 1) + " = 1")
     assert "unknown key" in message_of("a = { " + "b" + ".b" * MAX_KEY_DOTS + " = 1 }\n# " + "." * 1_000)
@@ -105,8 +105,8 @@ def test_keys_of_many_parts_are_refused_before_they_cost_time() -> None:
         assert f"more than {MAX_KEY_DOTS} parts" in message_of("a" + f"{dot}a" * (MAX_KEY_DOTS + 1) + " = 1"), dot
 
 
-def test_files_that_cannot_be_read_are_named(tmp_path: Path) -> None:
-    """Not there, not text, or too large."""
+def test_unreadable_file_is_named(tmp_path: Path) -> None:
+    """A file that is missing, not text, or too large."""
     (tmp_path / "noise.toml").write_bytes(b"\xff\xfe\x00")
     for path, limits, message in (
         (tmp_path / "none.toml", None, "expected a readable TOML file, received .*none.toml"),
@@ -117,8 +117,8 @@ def test_files_that_cannot_be_read_are_named(tmp_path: Path) -> None:
             read_description(path, limits)
 
 
-def test_a_cup_that_is_cut_stays_as_it_is() -> None:
-    """Its own radius is taken, another is refused; so is any where there is no cup."""
+def test_rejects_other_radius_for_cup_that_is_already_cut() -> None:
+    """Its own radius is accepted; without a cup, every radius is an error."""
     cut = describe_course(load_course("dogleg"))
     assert cut.cup is not None
     assert build_course(cut, cup_radius=cut.cup.radius).cup == load_course("dogleg").cup
@@ -130,8 +130,8 @@ def test_a_cup_that_is_cut_stays_as_it_is() -> None:
             build_course(file, cup_radius=radius)
 
 
-def test_colours_are_written_as_they_are_read() -> None:
-    """Each of 256 shades; none stays none."""
+def test_hex_color_round_trip() -> None:
+    """None stays None."""
     for shade in ("#000000", "#0a7fff", "#ffffff", "#102030"):
         made = CourseBuilder("one", tee=(0.0, 0.0)).add("box", at=(0, 0, -0.1), size=(2, 2, 0.2), color=shade)
         assert hex_color(made.course().parts[0]) == shade

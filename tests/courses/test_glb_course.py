@@ -1,4 +1,4 @@
-"""Holes as .glb files: the same bits again, drawn by hand in a 3D program, and broken on purpose."""
+"""Holes as .glb files: bit-equal round trips, files from 3D programs, and hostile files."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ def same_mesh(a: Course, b: Course) -> bool:
 
 
 @pytest.mark.parametrize("name", [*list_courses(), "room"])
-def test_a_course_written_and_read_again_is_the_same_bits(name: str, tmp_path: Path) -> None:
-    """Course -> GLB -> Course, though glTF holds positions as float32."""
+def test_course_survives_glb_round_trip_bitwise(name: str, tmp_path: Path) -> None:
+    """Course -> GLB -> Course, although glTF stores positions as float32."""
     course, path = load_course(name), tmp_path / "copy.glb"
     path.write_bytes(to_glb(course))
     again = load_course(path)
@@ -47,8 +47,8 @@ def test_a_course_written_and_read_again_is_the_same_bits(name: str, tmp_path: P
         assert getattr(course, field) == getattr(again, field), field
 
 
-def test_a_cup_of_its_own_depth_is_kept(tmp_path: Path) -> None:
-    """As its radius is."""
+def test_cup_depth_survives_glb_round_trip(tmp_path: Path) -> None:
+    """So does its radius."""
     cup = {"position": (2.5, 0.5, 0.0), "radius": 0.06, "depth": 0.2}
     made = (
         CourseBuilder("deep", tee=(0.3, 0.5), cup=cup)
@@ -60,17 +60,17 @@ def test_a_cup_of_its_own_depth_is_kept(tmp_path: Path) -> None:
     assert load_course(path).cup == made.cup and made.cup is not None and made.cup.depth == 0.2
 
 
-def test_putts_on_the_copy_take_the_same_path(tmp_path: Path) -> None:
-    """To the last bit."""
+def test_putt_on_glb_copy_has_same_path_bitwise(tmp_path: Path) -> None:
+    """The whole path of a putt through the loop is equal."""
     course, path = load_course("loop"), tmp_path / "copy.glb"
     path.write_bytes(to_glb(course))
     start = (*course.tee.centre, course.ball_radius)
-    a, b = (one.world().simulate(start, (5.0, 0.1, 0.0), record=True) for one in (course, load_course(path)))
+    a, b = (item.world().simulate(start, (5.0, 0.1, 0.0), record=True) for item in (course, load_course(path)))
     assert a.path.tobytes() == b.path.tobytes() and a.bounces > 0
 
 
-def test_other_programs_read_it(tmp_path: Path) -> None:
-    """Trimesh finds the same parts, y up."""
+def test_trimesh_reads_written_glb(tmp_path: Path) -> None:
+    """It finds the same parts, with y up."""
     path = tmp_path / "copy.glb"
     path.write_bytes(to_glb(load_course("dogleg")))
     scene = trimesh.load_scene(path)
@@ -79,7 +79,7 @@ def test_other_programs_read_it(tmp_path: Path) -> None:
 
 
 def solid(name: str, size: tuple[float, float, float], at: tuple[float, float, float], **extras: Any) -> SceneObject:
-    """Return a box as a 3D program would have it: corners apart for each face."""
+    """Return a box as 3D programs store it: with separate vertices for each face."""
     box = trimesh.creation.box(size)
     box.apply_translation(at)
     box.unmerge_vertices()
@@ -87,7 +87,7 @@ def solid(name: str, size: tuple[float, float, float], at: tuple[float, float, f
 
 
 def by_hand(**change: SceneObject | None) -> list[SceneObject]:
-    """Return a hole of boxes and empties; ``change`` replaces objects, or drops them."""
+    """Return a hole of boxes and empties; ``change`` replaces or removes objects."""
     objects = {
         "tee": SceneObject("tee", (-1.2, 0.0, 0.0), {}, None, None),
         "cup": SceneObject("Cup", (1.0, 0.2, 0.0), {"radius": 0.06}, None, None),
@@ -97,26 +97,28 @@ def by_hand(**change: SceneObject | None) -> list[SceneObject]:
         "east": solid("rail", (0.1, 1.2, 0.3), (1.55, 0.0, 0.0), surface="brick", color="#802010"),
         "west": solid("end", (0.1, 1.2, 0.3), (-1.55, 0.0, 0.0), damping=0.9),
     }
-    return [one for one in {**objects, **change}.values() if one is not None]
+    return [item for item in {**objects, **change}.values() if item is not None]
 
 
 def write(objects: list[SceneObject], path: Path, exact: bool = False) -> Path:
-    """Write objects as a 3D program does: without the exact vertices beside them."""
+    """Write objects as a 3D program does, without the exact vertices."""
     content = write_scene(objects, HOLE)
     path.write_bytes(content if exact else content.replace(EXACT_VERTICES_KEY.encode(), b"x" * len(EXACT_VERTICES_KEY)))
     return path
 
 
-def test_a_hole_made_by_hand_is_played(tmp_path: Path) -> None:
-    """Names say what objects are, extras how they play; the cup is cut into the floor."""
+def test_glb_without_extras_can_be_played(tmp_path: Path) -> None:
+    """Names determine surfaces, extras override them, and the cup is cut into the floor."""
     across = SceneObject("cup", (0.6, 0.2, 0.0), {}, None, None)  # On an edge of the floor's triangles.
     assert len(load_course(write(by_hand(cup=across), tmp_path / "across.glb")).parts) == 6
     course = load_course(write(by_hand(), tmp_path / "hand.glb"))
     assert course.name == "made" and course.par == 2 and course.cup is not None and course.cup.radius == 0.06
     surfaces = {part.name: part.mesh.surface for part in course.parts}
     assert surfaces["Floor"].tangential == 1.0 and surfaces["end"].damping == 0.9
-    looks = {part.name: (part.material, part.color) for part in course.parts}
-    assert looks["rail"][0] == "brick" and looks["rail"][1] == pytest.approx((128 / 255, 32 / 255, 16 / 255))
+    appearances = {part.name: (part.material, part.color) for part in course.parts}
+    assert appearances["rail"][0] == "brick" and appearances["rail"][1] == pytest.approx(
+        (128 / 255, 32 / 255, 16 / 255)
+    )
     world = course.world()
     shot = world.simulate((1.0, 0.2, 0.1), (0.0, 0.0, 0.0))
     assert shot.status == Status.REST and shot.position[2] == pytest.approx(course.ball_radius - 0.1, abs=1e-9)
@@ -125,8 +127,8 @@ def test_a_hole_made_by_hand_is_played(tmp_path: Path) -> None:
     assert load_course(tmp_path / "hand.glb", cup_radius=0.1).cup.radius == 0.1  # type: ignore[union-attr]
 
 
-def test_a_tee_may_be_a_box(tmp_path: Path) -> None:
-    """The ball starts anywhere above it, at the level of its lowest corner."""
+def test_tee_mesh_gives_tee_box(tmp_path: Path) -> None:
+    """The ball starts anywhere above its bounding box, at the level of its lowest corner."""
     box = solid("tee box", (0.4, 0.6, 0.02), (-1.1, 0.0, 0.01))
     course = load_course(write(by_hand(tee=box), tmp_path / "hand.glb"))
     assert course.tee.lower == pytest.approx((-1.3, -0.3)) and course.tee.upper == pytest.approx((-0.9, 0.3))
@@ -144,31 +146,29 @@ def test_a_tee_may_be_a_box(tmp_path: Path) -> None:
         ({"east": solid("rail", (0.1, 1.2, 0.3), (1.55, 0.0, 0.0), color="red")}, "color: string should match pattern"),
     ],
 )
-def test_faults_of_a_hole_made_by_hand_are_told(
-    change: dict[str, SceneObject | None], message: str, tmp_path: Path
-) -> None:
-    """What is missing, or where it is wrong."""
+def test_glb_errors_name_object_and_fault(change: dict[str, SceneObject | None], message: str, tmp_path: Path) -> None:
+    """Missing objects, cups that do not fit, unknown surfaces and colours."""
     with pytest.raises(CourseError, match=message):
         load_course(write(by_hand(**change), tmp_path / "hand.glb"))
 
 
-def test_an_open_mesh_is_told(tmp_path: Path) -> None:
-    """A hole in a hull lets balls in."""
+def test_rejects_open_mesh(tmp_path: Path) -> None:
+    """Balls could enter a mesh that is not closed."""
     wall = solid("rail", (0.1, 1.2, 0.3), (1.55, 0.0, 0.0))
     assert wall.faces is not None
     with pytest.raises(CourseError, match="part 'rail': expected a closed solid"):
         load_course(write(by_hand(east=wall._replace(faces=wall.faces[1:])), tmp_path / "hand.glb"))
 
 
-def test_objects_below_others_are_placed_with_them() -> None:
-    """Transforms of parents apply, and cycles are faults."""
+def test_parent_transforms_apply_to_children() -> None:
+    """A cycle of parents is an error."""
     content = write_scene([solid("a", (1, 1, 1), (0, 0, 0)), SceneObject("b", (0.0, 0.0, 0.0), {}, None, None)], {})
     size = struct.unpack_from("<I", content, 12)[0]
     data = json.loads(content[20 : 20 + size])
     data["nodes"][1] |= {"children": [0], "translation": [1.0, 2.0, 3.0], "scale": [2.0, 2.0, 2.0]}
     data["scenes"][0]["nodes"] = [1]
     objects, _ = read_scene(packed(data, content[20 + size :]), Limits())
-    assert [one.name for one in objects] == ["b", "a"] and objects[1].vertices is not None
+    assert [item.name for item in objects] == ["b", "a"] and objects[1].vertices is not None
     assert np.allclose(objects[1].vertices.mean(axis=0), [1.0, -3.0, 2.0])
     assert np.allclose(np.ptp(objects[1].vertices, axis=0), 2.0)
     data["nodes"][0]["children"] = [1]
@@ -177,8 +177,8 @@ def test_objects_below_others_are_placed_with_them() -> None:
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_transforms_are_those_that_other_programs_read(seed: int) -> None:
-    """Places, turns, sizes and matrices of nodes in nodes: trimesh finds the same corners, of mirrored objects too."""
+def test_node_transforms_match_trimesh(seed: int) -> None:
+    """Translation, rotation, scale and matrices of nested nodes, with mirrored objects."""
     rng = np.random.default_rng(seed)
     content = write_scene([solid(name, (1, 2, 3), (0.1, 0.2, 0.3)) for name in "abc"], {})
     size = struct.unpack_from("<I", content, 12)[0]
@@ -189,25 +189,25 @@ def test_transforms_are_those_that_other_programs_read(seed: int) -> None:
         node["rotation"] = (turn / np.linalg.norm(turn)).tolist()
         node["translation"] = rng.uniform(-5, 5, 3).tolist()
         node["scale"] = (rng.uniform(0.5, 2, 3) * rng.choice([-1, 1], 3)).tolist()
-    whole = trimesh.transformations.random_rotation_matrix(rng.random(3))
-    whole[:3, 3] = rng.uniform(-5, 5, 3)
-    data["nodes"][2] = {"name": "c", "mesh": 2, "matrix": whole.T.ravel().tolist()}
+    transform = trimesh.transformations.random_rotation_matrix(rng.random(3))
+    transform[:3, 3] = rng.uniform(-5, 5, 3)
+    data["nodes"][2] = {"name": "c", "mesh": 2, "matrix": transform.T.ravel().tolist()}
     data["nodes"][0]["children"], data["scenes"][0]["nodes"] = [1], [0, 2]
     file = packed(data, content[20 + size :])
     objects, _ = read_scene(file, Limits())
     scene = trimesh.load_scene(io.BytesIO(file), file_type="glb")
-    for one in objects:
-        matrix, geometry = scene.graph[one.name]
-        known = trimesh.transform_points(scene.geometry[geometry].vertices, matrix)
-        assert one.vertices is not None and one.faces is not None
-        assert one.vertices == pytest.approx(known @ [[1, 0, 0], [0, 0, 1], [0, -1, 0]], abs=1e-5)
-        assert one.at == pytest.approx(matrix[:3, 3] @ [[1, 0, 0], [0, 0, 1], [0, -1, 0]], abs=1e-9)
-        assert trimesh.Trimesh(one.vertices, one.faces).volume > 0.0
+    for item in objects:
+        matrix, geometry = scene.graph[item.name]
+        expected = trimesh.transform_points(scene.geometry[geometry].vertices, matrix)
+        assert item.vertices is not None and item.faces is not None
+        assert item.vertices == pytest.approx(expected @ [[1, 0, 0], [0, 0, 1], [0, -1, 0]], abs=1e-5)
+        assert item.at == pytest.approx(matrix[:3, 3] @ [[1, 0, 0], [0, 0, 1], [0, -1, 0]], abs=1e-9)
+        assert trimesh.Trimesh(item.vertices, item.faces).volume > 0.0
 
 
 @pytest.mark.parametrize("kind", ["u1", "<u2", "<u4", None])
-def test_arrays_are_read_as_they_lie(kind: str | None) -> None:
-    """Small or large indices or none, apart from each other, at any offset of a view."""
+def test_reads_arrays_of_any_index_type_and_stride(kind: str | None) -> None:
+    """Small or large indices or none, with stride and offset; accessors beyond the file are errors."""
     corners = np.array([[0, 0, 0], [2, 0, 0], [0, 3, 0], [0, 0, 4], [2, 0, 4], [0, 3, 4]], "<f4")
     faces = np.array([[0, 2, 1], [3, 4, 5]])
     rows = np.zeros((6, 5), "<f4")
@@ -228,10 +228,10 @@ def test_arrays_are_read_as_they_lie(kind: str | None) -> None:
         data["bufferViews"].append({"byteOffset": len(binary) - len(index), "byteLength": len(index)})
     rest = struct.pack("<I4s", len(binary), b"BIN\0") + binary
     objects, extras = read_scene(packed(data, rest), Limits())
-    (one,) = objects
-    assert extras == {} and one.name == "node 0" and one.at == (0.0, 0.0, 0.0) and one.vertices is not None
-    assert np.array_equal(one.vertices, corners.astype(np.float64) @ [[1, 0, 0], [0, 0, 1], [0, -1, 0]])
-    assert np.array_equal(one.faces, [[0, 1, 2], [3, 4, 5]] if kind is None else faces)
+    (item,) = objects
+    assert extras == {} and item.name == "node 0" and item.at == (0.0, 0.0, 0.0) and item.vertices is not None
+    assert np.array_equal(item.vertices, corners.astype(np.float64) @ [[1, 0, 0], [0, 0, 1], [0, -1, 0]])
+    assert np.array_equal(item.faces, [[0, 1, 2], [3, 4, 5]] if kind is None else faces)
     for break_it, message in (
         (lambda d: d["accessors"][0].update(count=7), "beyond its view"),
         (lambda d: d["accessors"][0].update(count=0), "beyond its view"),
@@ -260,25 +260,25 @@ def test_arrays_are_read_as_they_lie(kind: str | None) -> None:
             read_scene(packed(broken, rest), Limits())
 
 
-def test_files_that_are_no_glb_are_refused() -> None:
-    """Another magic number or version, or chunks longer than the file."""
+def test_rejects_files_with_invalid_glb_header() -> None:
+    """Wrong magic number or version, or chunks longer than the file."""
     alone = packed({"nodes": [{"name": "tee"}]}, b"")  # JSON to the last byte.
-    assert [one.name for one in read_scene(alone, Limits())[0]] == ["tee"]
-    whole = write_scene([solid("a", (1, 1, 1), (0, 0, 0))], {"par": 3})
-    assert read_scene(whole, Limits())[1] == {"par": 3} and read_scene(whole + b"more", Limits())
+    assert [item.name for item in read_scene(alone, Limits())[0]] == ["tee"]
+    stored = write_scene([solid("a", (1, 1, 1), (0, 0, 0))], {"par": 3})
+    assert read_scene(stored, Limits())[1] == {"par": 3} and read_scene(stored + b"more", Limits())
     for at, new, message in (
         (0, b"glTG", "the header"),
         (4, b"\3", "the header"),
-        (8, struct.pack("<I", len(whole) + 1), "the header"),
-        (12, struct.pack("<I", len(whole)), "the JSON chunk"),
+        (8, struct.pack("<I", len(stored) + 1), "the header"),
+        (12, struct.pack("<I", len(stored)), "the JSON chunk"),
         (16, b"JSOM", "the JSON chunk"),
     ):
         with pytest.raises(CourseError, match=message):
-            read_scene(whole[:at] + new + whole[at + len(new) :], Limits())
+            read_scene(stored[:at] + new + stored[at + len(new) :], Limits())
 
 
-def test_exact_corners_give_way_to_what_a_program_changed() -> None:
-    """Extra properties keep all bits of corners; an object that was moved, or is damaged, is what its positions say."""
+def test_exact_vertices_are_ignored_if_object_changed() -> None:
+    """They are used while they round to the stored positions; damaged ones are ignored."""
     corners = np.array([[0.1, 0.2, 0.3], [1.1, 0.2, 0.3], [0.1, 1.2, 0.3]])
     content = write_scene([SceneObject("a", (0.0, 0.0, 0.0), {}, corners, np.array([[0, 1, 2]]))], {})
     size = struct.unpack_from("<I", content, 12)[0]
@@ -290,12 +290,12 @@ def test_exact_corners_give_way_to_what_a_program_changed() -> None:
         changed["nodes"][0] |= {"extras": {EXACT_VERTICES_KEY: extra}, **node}
         return read_scene(packed(changed, rest), Limits())[0][0].vertices
 
-    whole = data["nodes"][0]["extras"][EXACT_VERTICES_KEY]
+    stored = data["nodes"][0]["extras"][EXACT_VERTICES_KEY]
     rounded = corners.astype(np.float32).astype(np.float64)
-    assert np.array_equal(read(whole), corners)
-    assert np.array_equal(read(whole, translation=[1.0, 0.0, 0.0]), corners + np.eye(3)[0])
-    other = base64.b64encode((corners + 0.5).astype("<f8").tobytes()).decode()
-    for damaged in (other, whole[:-4], "?", 7, whole[:32], ""):
+    assert np.array_equal(read(stored), corners)
+    assert np.array_equal(read(stored, translation=[1.0, 0.0, 0.0]), corners + np.eye(3)[0])
+    changed_vertices = base64.b64encode((corners + 0.5).astype("<f8").tobytes()).decode()
+    for damaged in (changed_vertices, stored[:-4], "?", 7, stored[:32], ""):
         assert np.array_equal(read(damaged), rounded)
 
 
@@ -307,8 +307,8 @@ def packed(data: dict[str, Any], rest: bytes) -> bytes:
     return struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body
 
 
-def test_arrays_used_again_and_again_are_counted_each_time(tmp_path: Path) -> None:
-    """A small file could ask for terabytes; and its JSON is bounded as all text."""
+def test_limits_count_each_use_of_an_array(tmp_path: Path) -> None:
+    """Otherwise a small file could ask for terabytes; its JSON is bounded like all text."""
     content = write_scene([solid("a", (1, 1, 1), (0, 0, 0))], {})
     size = struct.unpack_from("<I", content, 12)[0]
     data = json.loads(content[20 : 20 + size])
@@ -329,14 +329,14 @@ def test_arrays_used_again_and_again_are_counted_each_time(tmp_path: Path) -> No
         load_course(path, limits=Limits(text_bytes=100))
 
 
-def test_mutated_files_are_read_or_refused(tmp_path: Path) -> None:
-    """Bytes changed, numbers blown up: a CourseError, and nothing allocated on a file's word."""
+def test_mutated_glb_loads_or_raises_course_error(tmp_path: Path) -> None:
+    """Changed bytes and huge numbers: nothing is allocated by the counts in a file."""
     rng = random.Random(0)  # noqa: S311 (not for secrets)
-    whole = write_scene(by_hand(), HOLE)
+    stored = write_scene(by_hand(), HOLE)
     refused = 0
     tracemalloc.start()
     for number in range(1500):
-        content = bytearray(whole[: rng.choice([len(whole), len(whole), rng.randrange(len(whole))])])
+        content = bytearray(stored[: rng.choice([len(stored), len(stored), rng.randrange(len(stored))])])
         for _ in range(rng.randint(1, 6)):
             if content:
                 content[rng.randrange(min(len(content), 6000))] = rng.choice(b'0129-[]{}"e\x00\xff')

@@ -1,4 +1,4 @@
-"""Every bundled hole: closed, quick to load, solvable, and nowhere a ball is lost for good."""
+"""Every bundled hole: closed, small to load, solvable, and without traps."""
 
 from __future__ import annotations
 
@@ -19,23 +19,23 @@ from minigolf_env.envs import MiniGolfEnv
 from minigolf_env.envs.task import Result
 from minigolf_env.physics import Status, World
 
-HOLES = list_courses()
-GREEN = "green100k"
+HOLE_NAMES = list_courses()
+LARGE_HOLE = "green100k"
 FloatArray = NDArray[np.float64]
 
 
 @functools.cache
 def world_of(name: str) -> World:
-    """Return a hole's physics, made once."""
+    """Return a hole's world from a cache."""
     return load_course(name).world()
 
 
 def description(name: str) -> CourseFile:
-    """Return what a hole's file says."""
+    """Return the description in a hole's file."""
     return read_description(DATA_DIR / f"{name}.toml")
 
 
-def tee_off(course: Course, n: int, rng: np.random.Generator) -> FloatArray:
+def sample_tee(course: Course, n: int, rng: np.random.Generator) -> FloatArray:
     """Return n random starts (n, 3) from the tee."""
     lower, upper = np.array(course.tee.lower), np.array(course.tee.upper)
     level = np.full(n, course.tee.height + course.ball_radius)
@@ -48,17 +48,17 @@ def putts(n: int, fastest: float, rng: np.random.Generator) -> FloatArray:
     return np.column_stack([speed * np.cos(angle), speed * np.sin(angle), np.zeros(n)])
 
 
-@pytest.mark.parametrize("name", HOLES)
-def test_a_file_is_one_idea_with_a_par_and_a_known_hole_in_one(name: str) -> None:
-    """It says what makes the hole fun, and is small."""
+@pytest.mark.parametrize("name", HOLE_NAMES)
+def test_hole_file_is_small_and_has_par_and_hole_in_one(name: str) -> None:
+    """It has a description and is less than 4 kB."""
     file = description(name)
     assert file.name == name and file.about and file.par is not None and file.hole_in_one is not None
     assert (DATA_DIR / f"{name}.toml").stat().st_size < 4000
     assert {part.kind for part in file.parts} - {"mesh"}
 
 
-@pytest.mark.parametrize("name", HOLES)
-def test_the_known_hole_in_one_holes_out_alone_and_in_a_batch(name: str) -> None:
+@pytest.mark.parametrize("name", HOLE_NAMES)
+def test_known_hole_in_one_holes_out_single_and_in_batch(name: str) -> None:
     """From the middle of the tee."""
     action = np.array(description(name).hole_in_one, dtype=np.float32)
     env = gym.make("MiniGolf-v0", course=name, tee="fixed", reward="strokes")
@@ -71,71 +71,72 @@ def test_the_known_hole_in_one_holes_out_alone_and_in_a_batch(name: str) -> None
     assert infos["is_success"].tolist() == [True, False, True] and terminated.tolist() == [True, False, True]
 
 
-@pytest.mark.parametrize("name", HOLES)
-def test_random_putts_end_in_play_in_the_cup_or_out_of_bounds(name: str) -> None:
-    """From the tee and from where such putts end: no ball sinks, hangs, escapes or uses up its sub-steps."""
+@pytest.mark.parametrize("name", HOLE_NAMES)
+def test_random_putts_end_in_play_in_cup_or_out_of_bounds(name: str) -> None:
+    """From the tee and from where such putts end, no ball sinks, gets stuck, escapes or exhausts its sub-steps."""
     course, world, rng = load_course(name), world_of(name), np.random.default_rng(1)
-    n = 120 if name == GREEN else 400
-    starts = tee_off(course, n, rng)
+    n = 120 if name == LARGE_HOLE else 400
+    starts = sample_tee(course, n, rng)
     for _ in range(2):
         shots = world.simulate_batch(starts, putts(len(starts), course.top_speed, rng))
         assert not np.any(shots.exhausted)
         assert world.clearance(shots.position).min() >= -1e-12 * world.coordinate_scale
-        lost = np.isin(shots.status, [Status.OUT_OF_BOUNDS])
+        is_out = np.isin(shots.status, [Status.OUT_OF_BOUNDS])
         if name not in ("gap", "islands", "halfpipe"):  # Over water, and over the lips of the pipe.
-            assert not lost.any()
-        late = np.asarray(shots.status) == Status.TIME_LIMIT
-        assert late.mean() <= (0.01 if name == GREEN else 0.0)  # Creeps where the slope is as steep as felt brakes.
-        assert (shots.position[~lost] >= course.bounds[0]).all()
+            assert not is_out.any()
+        is_timed_out = np.asarray(shots.status) == Status.TIME_LIMIT
+        # Balls roll slowly for a long time where the slope equals rolling resistance.
+        assert is_timed_out.mean() <= (0.01 if name == LARGE_HOLE else 0.0)
+        assert (shots.position[~is_out] >= course.bounds[0]).all()
         starts = shots.position[np.asarray(shots.status) == Status.REST]
 
 
-@pytest.mark.parametrize("name", [name for name in HOLES if name != GREEN])
-def test_every_lie_is_playable(name: str) -> None:
-    """From where random putts end, the best of some others leads well away, off the course or into the cup."""
+@pytest.mark.parametrize("name", [name for name in HOLE_NAMES if name != LARGE_HOLE])
+def test_every_resting_position_is_playable(name: str) -> None:
+    """From where random putts end, some other putt leads well away, off the course or into the cup."""
     rng = np.random.default_rng(2)
     env = MiniGolfEnv(course=name)
     env.reset(seed=0)
     actions = putts(400, 1.0, rng)[:, :2]
     first = env.what_if(actions)
-    places = first.position[(first.result == Result.REST)][:30]
+    positions = first.position[(first.result == Result.REST)][:30]
     world, task = env.task.world, env.task
     velocities = task.launch_velocity(putts(24, 1.0, rng)[:, :2])
-    starts = np.repeat(places, len(velocities), axis=0)
-    then = task.simulate(starts, np.tile(velocities, (len(places), 1)))
-    away = np.linalg.norm(then.position - starts, axis=1).reshape(len(places), -1)
-    gone = np.isin(then.result, [Result.HOLED, Result.OUT_OF_BOUNDS]).reshape(len(places), -1)
-    assert len(places) == 30 and ((away > 10.0 * world.ball_radius) | gone).any(axis=1).all()
+    starts = np.repeat(positions, len(velocities), axis=0)
+    second = task.simulate(starts, np.tile(velocities, (len(positions), 1)))
+    distance = np.linalg.norm(second.position - starts, axis=1).reshape(len(positions), -1)
+    has_left = np.isin(second.result, [Result.HOLED, Result.OUT_OF_BOUNDS]).reshape(len(positions), -1)
+    assert len(positions) == 30 and ((distance > 10.0 * world.ball_radius) | has_left).any(axis=1).all()
 
 
-@pytest.mark.parametrize("name", HOLES)
-def test_only_the_green_is_large(name: str) -> None:
-    """It has more than 100,000 triangles."""
+@pytest.mark.parametrize("name", HOLE_NAMES)
+def test_only_green100k_has_over_100000_triangles(name: str) -> None:
+    """All other holes are smaller."""
     count = sum(len(part.mesh.faces) for part in load_course(name).parts)
-    assert (count > 100_000) == (name == GREEN)
+    assert (count > 100_000) == (name == LARGE_HOLE)
 
 
-@pytest.mark.parametrize("name", HOLES)
-def test_gymnasium_takes_each_hole(name: str) -> None:
-    """Its own checks of an environment."""
+@pytest.mark.parametrize("name", HOLE_NAMES)
+def test_every_hole_passes_gymnasium_env_checker(name: str) -> None:
+    """With Gymnasium's own check_env."""
     check_env(gym.make("MiniGolf-v0", course=name).unwrapped, skip_render_check=True)
 
 
-@pytest.mark.parametrize("share", [0.6, 0.7, 0.85, 1.0])
-def test_the_loop_takes_straight_putts_at_two_thirds_of_full_speed(share: float) -> None:
-    """They go over the top, come out beyond it, and are fast enough to be worth it; slow ones fall back."""
+@pytest.mark.parametrize("fraction", [0.6, 0.7, 0.85, 1.0])
+def test_loop_passes_straight_putts_from_two_thirds_of_top_speed(fraction: float) -> None:
+    """They pass over the top and come out behind it; slow putts fall back."""
     course, world = load_course("loop"), world_of("loop")
     x, y = course.tee.centre
     start = (x, y, course.ball_radius)
-    shot = world.simulate(start, (share * course.top_speed, 0.0, 0.0), record=True)
+    shot = world.simulate(start, (fraction * course.top_speed, 0.0, 0.0), record=True)
     assert shot.path[:, 2].max() > 0.55 and shot.path[:, 0].max() > 3.0
     slow = world.simulate(start, (0.3 * course.top_speed, 0.0, 0.0), record=True)
     assert slow.path[:, 2].max() < 0.3 and slow.position[0] < 2.2
 
 
 @pytest.mark.parametrize("sides", [64, 256])
-def test_facets_of_a_loop_brake_as_little_as_their_turn_says(sides: int) -> None:
-    """Each keeps cos(turn) of the speed: with a turn of 1.4 degrees all of them take less than a tenth."""
+def test_loop_facets_keep_cosine_of_their_angle_of_speed(sides: int) -> None:
+    """With an angle of 1.4 degrees all facets together take less than a tenth."""
     from minigolf_env.courses.geometry.solids import build_loop_track
     from minigolf_env.physics import Surface, TriangleMesh
 
@@ -144,6 +145,6 @@ def test_facets_of_a_loop_brake_as_little_as_their_turn_says(sides: int) -> None
     world = World([mesh], gravity=(0.0, 0.0, 0.0))
     shot = world.simulate((0.001, 0.0, 0.0224), (2.0, 0.0, 0.0), max_time=0.8, record=True)
     kept = float(np.linalg.norm(shot.velocity)) / 2.0
-    share = np.cos(2.0 * np.pi / sides) ** sides
+    fraction = np.cos(2.0 * np.pi / sides) ** sides
     assert shot.path[:, 2].max() > 0.55
-    assert share - 0.06 < kept <= share + 0.08
+    assert fraction - 0.06 < kept <= fraction + 0.08
