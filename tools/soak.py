@@ -22,7 +22,7 @@ import numpy as np
 import tyro
 
 from minigolf_env.physics import Shot, World
-from tests.physics.scenes import FloatArray, box, free_starts, mesh, random_room, random_surface, turns_right
+from tests.physics.scenes import FloatArray, box, free_starts, is_inside_room, mesh, random_room, random_surface
 
 MIN_CLEARANCE = -1e-12
 """Guaranteed lower bound of the clearance, relative to the world's scale."""
@@ -137,7 +137,7 @@ def soak_room(seed: int) -> Tally:
         sides = room.sides(shot.path)
         crossed = (sides != sides[0]) | ~np.isfinite(shot.velocity).all()
         # Inside a solid the clearance is positive again, so check the winding number at the end.
-        escaped = bool(crossed.any()) or not turns_right(room.world, shot.position)
+        escaped = bool(crossed.any()) or not is_inside_room(room.world, shot.position)
         # Count.
         tally.steps += len(shot.path) - 1
         tally.bounces += shot.bounces

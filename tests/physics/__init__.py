@@ -1,1 +1,1 @@
-"""The laws of the physics, file by file as the package has them."""
+"""Tests of the physics; files mirror the modules of the package."""

@@ -1,4 +1,4 @@
-"""The tree holds every triangle once, in few nodes, and is not deep."""
+"""The BVH has every triangle once, few nodes and a bounded depth."""
 
 import numpy as np
 import pytest
@@ -6,32 +6,35 @@ from numpy.typing import NDArray
 
 from minigolf_env.physics.bvh import MAX_LEAF_SIZE, MAX_SPLIT_RATIO, build_bvh
 from minigolf_env.physics.types import BVH_WIDTH
-from tests.physics.scenes import SOUPS, soup
+from tests.physics.scenes import SOUPS, triangle_soup
 
 
 @pytest.mark.parametrize("kind", SOUPS)
-def test_leaves_share_out_the_triangles(kind: str) -> None:
-    """Every triangle is in one leaf, every node in one box; a box holds what is inside, less than all of its node."""
-    triangles = soup(kind, np.random.default_rng(2))
+def test_leaves_partition_the_triangles(kind: str) -> None:
+    """Every triangle is in one leaf and every node has one parent.
+
+    A child box contains its triangles, and no child has too large a share of them.
+    """
+    triangles = triangle_soup(kind, np.random.default_rng(2))
     nodes, order = build_bvh(triangles)
     nodes_seen, rows_seen = [0], []
 
     def rows_in(i: int) -> NDArray[np.int64]:
         rows: list[NDArray[np.int64]] = []
         for k in np.flatnonzero(~np.isnan(nodes[i]["center"][0])):
-            inside = int(nodes[i]["child"][k])
-            if inside < 0:
-                first, size = divmod(-inside, BVH_WIDTH)
+            child = int(nodes[i]["child"][k])
+            if child < 0:
+                first, size = divmod(-child, BVH_WIDTH)
                 assert 1 <= size <= MAX_LEAF_SIZE
                 rows.append(order[first : first + size])
                 rows_seen.extend(rows[-1])
             else:
-                nodes_seen.append(inside)
-                rows.append(rows_in(inside))
-            way = triangles[rows[-1]] - nodes[i]["center"][:, k]
-            assert (np.abs(way) <= nodes[i]["half_extent"][:, k]).all()
+                nodes_seen.append(child)
+                rows.append(rows_in(child))
+            offset = triangles[rows[-1]] - nodes[i]["center"][:, k]
+            assert (np.abs(offset) <= nodes[i]["half_extent"][:, k]).all()
         total = sum(map(len, rows))
-        assert all(MAX_SPLIT_RATIO * len(some) <= (MAX_SPLIT_RATIO - 1) * total for some in rows) or (
+        assert all(MAX_SPLIT_RATIO * len(child_rows) <= (MAX_SPLIT_RATIO - 1) * total for child_rows in rows) or (
             kind == "one" and total == 1
         )
         return np.concatenate(rows)
@@ -42,8 +45,8 @@ def test_leaves_share_out_the_triangles(kind: str) -> None:
 
 
 @pytest.mark.parametrize("count", [*range(1, 41), 1000])
-def test_tree_has_few_nodes(count: int) -> None:
-    """Whether triangles coincide or shrink, there are fewer than memory is made for."""
+def test_number_of_nodes_is_bounded(count: int) -> None:
+    """For random, coinciding and shrinking triangles the number of nodes is within the allocated memory."""
     corners = np.random.default_rng(3).normal(size=(count, 3, 3))
     for triangles in (0.0 * corners, corners, corners * 0.5 ** np.arange(count)[:, None, None]):
         assert 35 * len(build_bvh(triangles)[0]) <= max(35, 8 * count)

@@ -1,4 +1,4 @@
-"""A neighbourhood changes the cost of a sweep and never its answer."""
+"""A candidate cache changes the cost of a sweep and never its result."""
 
 from collections.abc import Iterator
 
@@ -19,7 +19,7 @@ from tests.physics.scenes import FloatArray, grid, mesh, random_room
 
 
 def scene(kind: str, rng: np.random.Generator) -> World:
-    """Return a world in which few triangles, about as many as a list has room for, or far more are near a ball."""
+    """Return a world with few triangles near a ball, about as many as the cache has room for, or far more."""
     if kind == "room":
         return random_room(rng)[0]
     if kind == "green":
@@ -29,41 +29,42 @@ def scene(kind: str, rng: np.random.Generator) -> World:
     return World([TriangleMesh(triangles.reshape(-1, 3), np.arange(3 * count).reshape(-1, 3))], radius)
 
 
-def walk(world: World, rng: np.random.Generator, count: int) -> Iterator[tuple[FloatArray, FloatArray]]:
-    """Give paths as a ball's are: each from about where the last ended, bent; now and then back, nowhere, elsewhere."""
+def random_paths(world: World, rng: np.random.Generator, count: int) -> Iterator[tuple[FloatArray, FloatArray]]:
+    """Yield paths like a ball's: each starts near the end of the last, bent; some reverse, stop or jump."""
     corners = np.concatenate([body.triangles for body in world.meshes])
-    p, way = np.zeros(3), np.zeros(3)
+    p, displacement = np.zeros(3), np.zeros(3)
     for _ in range(count):
         event = rng.random()
-        if event < 0.02 or not way.any():  # Towards a point of a triangle, from where the ball nearly touches it.
-            way = rng.normal(size=3)
-            way /= np.linalg.norm(way)
-            p = rng.dirichlet([1, 1, 1]) @ corners[rng.integers(len(corners))] - 1.05 * world.ball_radius * way
-            way *= 10.0 ** rng.uniform(-4, -0.5)
+        if event < 0.02 or not displacement.any():
+            # Start next to a random point of a triangle and move towards it.
+            displacement = rng.normal(size=3)
+            displacement /= np.linalg.norm(displacement)
+            p = rng.dirichlet([1, 1, 1]) @ corners[rng.integers(len(corners))] - 1.05 * world.ball_radius * displacement
+            displacement *= 10.0 ** rng.uniform(-4, -0.5)
         elif event < 0.06:
-            way = -way
-        length = np.linalg.norm(way)
-        yield p, np.zeros(3) if event > 0.98 else way
-        p = p + rng.random() * way
-        way = way + length * 10.0 ** rng.uniform(-4, -0.5) * rng.normal(size=3)
-        way *= length / np.linalg.norm(way)
+            displacement = -displacement
+        length = np.linalg.norm(displacement)
+        yield p, np.zeros(3) if event > 0.98 else displacement
+        p = p + rng.random() * displacement
+        displacement = displacement + length * 10.0 ** rng.uniform(-4, -0.5) * rng.normal(size=3)
+        displacement *= length / np.linalg.norm(displacement)
 
 
 @pytest.mark.parametrize("kind", ["room", "green", "crowd", "throng"])
-def test_sweep_near_is_sweep(kind: str) -> None:
-    """Along a walk, with a neighbourhood that has seen all of it, each answer is the whole tree's, bit for bit."""
-    hits, listed = 0, []
+def test_cached_sweep_equals_full_sweep_bitwise(kind: str) -> None:
+    """Along a random sequence of paths each cached sweep equals the sweep of the whole BVH, bit for bit."""
+    hits, num_candidates = 0, []
     for seed in range(10):
         rng = np.random.default_rng(seed)
         world, cache = scene(kind, rng), new_candidate_cache()
-        for p, way in walk(world, rng, 1000):
-            hit = sweep_cached(world._scene, cache, Vec3(*p), Vec3(*way))
-            assert hit == sweep(world._scene, new_traversal(), Vec3(*p), Vec3(*way))
+        for p, displacement in random_paths(world, rng, 1000):
+            hit = sweep_cached(world._scene, cache, Vec3(*p), Vec3(*displacement))
+            assert hit == sweep(world._scene, new_traversal(), Vec3(*p), Vec3(*displacement))
             hits += hit.row >= 0
-            listed.append(
+            num_candidates.append(
                 cache.state[0]["num_candidates"] if cache.state[0]["length"] >= 0.0 else SINGLE_STEP_CAPACITY + 1
             )
     assert hits > 300
-    assert min(listed) < 5
-    assert kind == "room" or any(MULTI_STEP_CAPACITY < count <= SINGLE_STEP_CAPACITY for count in listed)
-    assert kind == "green" or max(listed) > SINGLE_STEP_CAPACITY
+    assert min(num_candidates) < 5
+    assert kind == "room" or any(MULTI_STEP_CAPACITY < count <= SINGLE_STEP_CAPACITY for count in num_candidates)
+    assert kind == "green" or max(num_candidates) > SINGLE_STEP_CAPACITY

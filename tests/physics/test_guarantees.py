@@ -1,4 +1,4 @@
-"""What holds whatever the room: no penetration, no escape, no endless step, no NaN, the same bits in a batch."""
+"""Guarantees in any room: no penetration, no escape, no endless step, no NaN, the same bits in a batch."""
 
 import os
 import subprocess
@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from minigolf_env.physics import Shot, Status, Surface, World
-from tests.physics.scenes import BALL, FloatArray, G, box, free_starts, mesh, random_room, room, rotation
+from tests.physics.scenes import BALL_RADIUS, FloatArray, G, box, free_starts, mesh, random_room, room, rotation
 
 
 def is_inside(frame: FloatArray, p: FloatArray) -> bool:
-    """Return whether points (N, 3) are in the room that ``frame`` turns and scales."""
+    """Return whether all points (N, 3) are in the room that ``frame`` maps the unit cube to."""
     unit = p @ np.linalg.inv(frame).T
     return bool((np.abs(unit[:, :2]) <= 0.5).all() and (unit[:, 2] >= 0.0).all() and (unit[:, 2] <= 1.0).all())
 
@@ -23,37 +23,37 @@ def test_thin_walls_stop_fast_balls(impact: str) -> None:
     """At 30 m/s and dt = 1/60, half a metre a step, no ball passes a wall of 1 cm, of 1 mm or of no thickness."""
     rng = np.random.default_rng(2)
     for thickness in (0.01, 0.001, 0.0):
-        turn = rotation(rng)
+        rot = rotation(rng)
         half = 0.5 * thickness
-        wall = mesh(box([-half, -2, -2], [half, 2, 4]), Surface(damping=0.9), turn, two_sided=thickness == 0.0)
-        world = World([mesh(room(2.0), Surface(damping=0.9), turn), wall], dt=1 / 60, impact=impact)
-        starts = np.tile(turn @ [0.5, 0.0, 1.0], (100, 1))
-        ways = rng.normal(size=(100, 3))
-        ways *= 30.0 / np.linalg.norm(ways, axis=1, keepdims=True)
-        shots = world.simulate_batch(starts, ways, max_time=3.0)
-        assert (shots.position @ turn[:, 0] >= half + world.ball_radius - 1e-9).all()
+        wall = mesh(box([-half, -2, -2], [half, 2, 4]), Surface(damping=0.9), rot, two_sided=thickness == 0.0)
+        world = World([mesh(room(2.0), Surface(damping=0.9), rot), wall], dt=1 / 60, impact=impact)
+        starts = np.tile(rot @ [0.5, 0.0, 1.0], (100, 1))
+        velocities = rng.normal(size=(100, 3))
+        velocities *= 30.0 / np.linalg.norm(velocities, axis=1, keepdims=True)
+        shots = world.simulate_batch(starts, velocities, max_time=3.0)
+        assert (shots.position @ rot[:, 0] >= half + world.ball_radius - 1e-9).all()
         assert shots.exhausted.sum() == 0
 
 
 @pytest.mark.parametrize("impact", ["average", "conservative"])
-def test_absurd_input_ends_without_penetration(impact: str) -> None:
-    """At 1e6 m/s with dt = 1 s steps may lose time, but they end, stay finite, in the room and out of its walls."""
+def test_extreme_speeds_end_without_penetration(impact: str) -> None:
+    """At 1e6 m/s with dt = 1 s steps may lose time, but end with finite numbers, in the room and outside its walls."""
     rng = np.random.default_rng(3)
     for speed in (1e3, 1e6):
-        turn = rotation(rng)
+        rot = rotation(rng)
         bodies = [room(2.0), box([-0.3, -0.3, 0.2], [0.3, 0.3, 0.5])]
-        world = World([mesh(b, Surface(damping=rng.random()), turn) for b in bodies], dt=1.0, impact=impact)
+        world = World([mesh(b, Surface(damping=rng.random()), rot) for b in bodies], dt=1.0, impact=impact)
         for _ in range(20):
             v = rng.normal(size=3)
-            shot = world.simulate(turn @ [0.6, 0.6, 1.2], speed * v / np.linalg.norm(v), max_time=20.0, record=True)
+            shot = world.simulate(rot @ [0.6, 0.6, 1.2], speed * v / np.linalg.norm(v), max_time=20.0, record=True)
             assert world.clearance(shot.path).min() >= -1e-12 * world.coordinate_scale
-            assert is_inside(2.0 * turn, shot.path)
+            assert is_inside(2.0 * rot, shot.path)
             assert np.isfinite(shot.velocity).all()
 
 
-def test_pocket_as_wide_as_the_ball_and_narrower() -> None:
-    """A slot of the ball's width takes it to its bottom, a narrower one holds it on its edges; neither holds time."""
-    for gap, low in ((2 * BALL, BALL), (1.9 * BALL, 0.5 + BALL * np.sqrt(1 - 0.95**2))):
+def test_ball_rests_in_a_slot_of_its_width_and_on_a_narrower_one() -> None:
+    """A ball falls to the bottom of a slot of its width and rests on the edges of a narrower one; no time is lost."""
+    for gap, low in ((2 * BALL_RADIUS, BALL_RADIUS), (1.9 * BALL_RADIUS, 0.5 + BALL_RADIUS * np.sqrt(1 - 0.95**2))):
         surface = Surface(damping=0.6, restitution=0.3, tangential=1.0)
         walls = [box([gap / 2, -1, 0], [1, 1, 0.5]), box([-1, -1, 0], [-gap / 2, 1, 0.5])]
         world = World([mesh(room(2.0), surface), *(mesh(wall, surface) for wall in walls)])
@@ -65,8 +65,8 @@ def test_pocket_as_wide_as_the_ball_and_narrower() -> None:
 
 @pytest.mark.parametrize("damping", [0.5, 0.8, 0.95])
 @pytest.mark.parametrize("degrees", [3, 10, 30])
-def test_corner_of_two_walls_lets_a_ball_come_to_rest(degrees: float, damping: float) -> None:
-    """A putt into the acute corner of two upright walls on a green ends at rest, and loses no time on the way."""
+def test_ball_comes_to_rest_in_an_acute_corner(degrees: float, damping: float) -> None:
+    """A putt into the acute corner of two vertical walls on a green ends at rest, and loses no time."""
     angle = np.radians(degrees)
     corner = np.array([[0, 0], [3, 0], [3 * np.cos(angle), 3 * np.sin(angle)]])
     vertices = np.array([[x, y, z] for z in (-0.1, 0.5) for x, y in corner])
@@ -75,22 +75,22 @@ def test_corner_of_two_walls_lets_a_ball_come_to_rest(degrees: float, damping: f
     world = World([floor, mesh(walls, Surface(damping=damping))])
     middle = np.array([np.cos(angle / 2), np.sin(angle / 2), 0.0])
     for speed in (0.5, 1.0, 3.0):
-        for aside in (0.0, 0.01, 0.2):
-            start = 2.5 * middle + [0, 0, BALL]
-            way = -middle + aside * np.sin(angle / 2) * np.array([-middle[1], middle[0], 0.0])
-            shot = world.simulate(start, speed * way, max_time=60.0)
+        for offset in (0.0, 0.01, 0.2):
+            start = 2.5 * middle + [0, 0, BALL_RADIUS]
+            direction = -middle + offset * np.sin(angle / 2) * np.array([-middle[1], middle[0], 0.0])
+            shot = world.simulate(start, speed * direction, max_time=60.0)
             assert (shot.status, shot.exhausted) == (Status.REST, 0)
 
 
-def equal(shots: Shot, i: int, shot: Shot) -> bool:
-    """Return whether run i of a batch is, bit for bit, a single run."""
+def is_equal_to_run(shots: Shot, i: int, shot: Shot) -> bool:
+    """Return whether row i of a batch equals a single run, bit for bit."""
     names = ("position", "velocity", "status", "time", "bounces", "exhausted")
     return all(np.array_equal(getattr(shots, name)[i], getattr(shot, name)) for name in names)
 
 
 @pytest.mark.parametrize("count", [1, 2, 7, 33])
-def test_batch_is_the_loop_whatever_the_threads(count: int) -> None:
-    """simulate_batch and sweep_batch give the same bits as one call after the other, on one thread and on two."""
+def test_batch_equals_single_calls_bitwise_on_any_number_of_threads(count: int) -> None:
+    """simulate_batch, sweep_batch and clearance equal one call after another, on one thread and on all."""
     rng = np.random.default_rng(count)
     world, frame = random_room(rng, gravity=(0, 0, -G))
     starts = free_starts(rng, world, frame, 200)[:count]
@@ -102,7 +102,7 @@ def test_batch_is_the_loop_whatever_the_threads(count: int) -> None:
         for n in {1, threads}:
             numba.set_num_threads(n)
             shots = world.simulate_batch(starts, velocities, max_time=2.0)
-            assert all(equal(shots, i, shot) for i, shot in enumerate(single))
+            assert all(is_equal_to_run(shots, i, shot) for i, shot in enumerate(single))
             hits = world.sweep_batch(starts, starts + velocities)
             for i, hit in enumerate(sweeps):
                 assert (hits.hit[i], hits.alpha[i], hits.triangle[i]) == (hit.hit, hit.alpha, hit.triangle)
@@ -113,17 +113,17 @@ def test_batch_is_the_loop_whatever_the_threads(count: int) -> None:
     assert len(starts) == count
 
 
-def test_a_ball_is_refused_exactly_where_its_clearance_says_so() -> None:
-    """The quick look at whether balls are clear agrees with their distances, down to the tolerance itself."""
+def test_start_is_refused_exactly_where_the_clearance_is_below_the_tolerance() -> None:
+    """The fast overlap test of starting positions agrees with the clearance, down to the tolerance itself."""
     world = World([mesh(room(2.0)), mesh(box([-0.5, -0.5, 0.0], [0.5, 0.5, 0.3]))])
     tolerance = 1e-12 * world.coordinate_scale
     for depth in (-1e-3, 0.0, 0.4 * tolerance, 0.9 * tolerance, 1.1 * tolerance, 2.0 * tolerance, 1e-6, 0.02):
-        lie = np.array([0.1, 0.2, 0.3 + world.ball_radius - depth])
-        refused = world.clearance(lie) < -tolerance
+        position = np.array([0.1, 0.2, 0.3 + world.ball_radius - depth])
+        refused = world.clearance(position) < -tolerance
         assert refused == (depth > tolerance)
         for count in (1, 100):
             starts = np.tile([0.9, 0.9, 1.0], (count, 1))
-            starts[-1] = lie
+            starts[-1] = position
             if refused:
                 with pytest.raises(ValueError, match=f"position {count - 1}: expected a ball in free space"):
                     world.simulate_batch(starts, np.zeros((count, 3)), max_time=0.01)
@@ -131,8 +131,8 @@ def test_a_ball_is_refused_exactly_where_its_clearance_says_so() -> None:
                 world.simulate_batch(starts, np.zeros((count, 3)), max_time=0.01)
 
 
-def test_batches_leave_the_process_openmp_alone() -> None:
-    """Numba's own threads stay away: started, they would overrule torch.set_num_threads(1) for all of torch."""
+def test_batches_do_not_start_openmp() -> None:
+    """Numba's threading layer stays unused: started, it would overrule torch.set_num_threads(1)."""
     code = """
 import numba, numpy as np
 from minigolf_env.courses import load_course
@@ -148,8 +148,8 @@ except ValueError:
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
-def test_a_forked_child_starts_threads_of_its_own() -> None:
-    """The threads that are kept do not survive a fork; the child gets the same bits all the same."""
+def test_forked_child_starts_its_own_threads() -> None:
+    """The thread pool does not survive a fork; the child starts another and gets the same bits."""
     code = """
 import os, numba, numpy as np
 from minigolf_env.courses import load_course
@@ -166,8 +166,8 @@ print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
     assert done.stdout == "0\n", done.stderr
 
 
-def test_runs_do_not_disturb_each_other() -> None:
-    """A world keeps nothing between runs: the same shot gives the same bits after any other."""
+def test_runs_are_independent() -> None:
+    """A world keeps no state between runs: the same shot gives the same bits after any other."""
     rng = np.random.default_rng(5)
     world, frame = random_room(rng)
     p, q = free_starts(rng, world, frame, 100)[:2]

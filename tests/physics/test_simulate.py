@@ -1,4 +1,4 @@
-"""The time step, worked out by hand and against exact runs; the run to rest is that step again and again."""
+"""The time step against hand-worked and exact results; the run to rest repeats that step."""
 
 import math
 from pathlib import Path
@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 
 from minigolf_env.physics import Status, Surface, TriangleMesh, World
-from tests.physics.scenes import BALL, FloatArray, G, box, floor_world, grid, mesh, rotation, sphere, tetrahedron
+from tests.physics.scenes import BALL_RADIUS, FloatArray, G, box, floor_world, grid, mesh, rotation, sphere, tetrahedron
 from tests.physics.scenes import room as box_room
 
 GOLDEN = dict(np.load(Path(__file__).parents[1] / "data" / "golden_steps.npz"))
 
 
-def test_free_flight_is_the_parabola() -> None:
-    """Without collisions a step adds v dt + g dt²/2 to the position and g dt to the velocity."""
+def test_free_flight_is_a_parabola() -> None:
+    """Without a hit a step adds v dt + g dt²/2 to the position and g dt to the velocity."""
     world = floor_world(Surface(), dt=0.125, gravity=(1.0, -2.0, -8.0))
     p, v = world.step([0.0, 0.0, 10.0], [3.0, 4.0, 5.0])
     assert p.tolist() == [3 / 8 + 1 / 128, 4 / 8 - 2 / 128, 10 + 5 / 8 - 8 / 128]
@@ -33,7 +33,7 @@ def test_hand_worked_drop() -> None:
 
 
 def test_hand_worked_oblique_wall() -> None:
-    """Against a wall of normal (-3, 0, 4)/5 the seed's formulas hold with vavg = (4, 1, -1/2), as in its section 4."""
+    """At a wall of normal (-3, 0, 4)/5 the formulas of the CS121 notes, section 4, hold with vavg = (4, 1, -1/2)."""
     n = np.array([-0.6, 0.0, 0.8])
     corners = np.array([[-8.0, -10, -6], [8, -10, 6], [8, 10, 6], [-8, 10, -6]])
     wall = TriangleMesh(corners, [[0, 1, 2], [0, 2, 3]], Surface(damping=0.75))
@@ -48,8 +48,8 @@ def test_hand_worked_oblique_wall() -> None:
 
 
 @pytest.mark.parametrize("run", range(len(GOLDEN["radius"])))
-def test_golden_runs_are_met(run: int) -> None:
-    """The steps follow the exact trajectory of the seed's algorithm; the bound allows for errors growing at impacts."""
+def test_steps_follow_the_exact_golden_runs(run: int) -> None:
+    """Steps follow the exact trajectories of the CS121 notes' algorithm; the bound grows as errors do at impacts."""
     vertices, faces, states = (GOLDEN[name][run] for name in ("vertices", "faces", "states"))
     surface, dt = Surface(damping=float(GOLDEN["damping"][run]), rolling=0.0), float(GOLDEN["dt"][run])
     meshes = [TriangleMesh(vertices[:8], faces[:12], surface), TriangleMesh(vertices[8:], faces[12:] - 8, surface)]
@@ -64,20 +64,20 @@ def test_golden_runs_are_met(run: int) -> None:
 
 
 def furnished_room(seed: int, **kwargs: object) -> tuple[World, FloatArray, FloatArray]:
-    """Return a turned room with a box, a sphere and a tetrahedron, and a ball thrown in it."""
+    """Return a rotated room with a box, a sphere and a tetrahedron, and a ball thrown in it."""
     rng = np.random.default_rng(seed)
-    turn = rotation(rng)
+    rot = rotation(rng)
     bodies = [box_room(), box([-0.3, -0.3, 0.0], [0.1, 0.2, 0.4]), sphere([0.5, 0.4, 0.3], 0.25)]
     bodies.append(tetrahedron([0.4, -0.5, 0.5], 0.3))
     surface = Surface(damping=float(rng.choice([0.5, 0.7, 0.9])), rolling=0.1)
-    world = World([mesh(body, surface, turn) for body in bodies], gravity=turn @ [0, 0, -G], **kwargs)  # type: ignore[arg-type]
-    return world, turn @ [-0.5, 0.5, 1.2], turn @ rng.uniform(-4, 4, 3)
+    world = World([mesh(body, surface, rot) for body in bodies], gravity=rot @ [0, 0, -G], **kwargs)  # type: ignore[arg-type]
+    return world, rot @ [-0.5, 0.5, 1.2], rot @ rng.uniform(-4, 4, 3)
 
 
 @pytest.mark.parametrize("impact", ["average", "conservative"])
 @pytest.mark.parametrize("seed", range(4))
-def test_simulate_is_step_repeated(seed: int, impact: str) -> None:
-    """A run and its record are the same bits as calling step again and again."""
+def test_simulate_equals_repeated_steps_bitwise(seed: int, impact: str) -> None:
+    """A run and its record have the same bits as repeated calls of step."""
     world, p, v = furnished_room(seed, impact=impact)
     shot = world.simulate(p, v, max_time=2.0, record=True)
     path = [p]
@@ -90,8 +90,8 @@ def test_simulate_is_step_repeated(seed: int, impact: str) -> None:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_record_is_consistent(seed: int) -> None:
-    """Path, times and contacts agree: times rise by dt, each bounce happens on its triangle, touching, in order."""
+def test_recorded_path_times_and_impacts_agree(seed: int) -> None:
+    """Times rise by dt; each impact is on its triangle, in contact, and in order."""
     world, p, v = furnished_room(seed)
     shot = world.simulate(p, v, record=True)
     bare = world.simulate(p, v)
@@ -114,13 +114,13 @@ def test_record_is_consistent(seed: int) -> None:
         assert np.linalg.norm(contact["position"] - shot.path[k]) <= np.linalg.norm(v) * 3 * world.dt
 
 
-def test_runs_end_with_the_status_that_ended_them() -> None:
-    """At rest, out of bounds, or at the time limit: the time is exact, a multiple of dt, or the limit."""
+def test_status_says_why_a_run_ended() -> None:
+    """At rest the time is exact, out of bounds a multiple of dt, and at the time limit the limit."""
     bounds = [[-1, -1, -1], [1, 1, 1]]
     world = World([mesh(grid(100.0, 1), Surface(rolling=0.5))], bounds=bounds)
-    rest = world.simulate([0, 0, BALL], [1.0, 0, 0])
-    out = world.simulate([0, 0, BALL], [5.0, 0, 0])
-    late = world.simulate([0, 0, BALL], [1.0, 0, 0], max_time=0.1)
+    rest = world.simulate([0, 0, BALL_RADIUS], [1.0, 0, 0])
+    out = world.simulate([0, 0, BALL_RADIUS], [5.0, 0, 0])
+    late = world.simulate([0, 0, BALL_RADIUS], [1.0, 0, 0], max_time=0.1)
     assert [rest.status, out.status, late.status] == [Status.REST, Status.OUT_OF_BOUNDS, Status.TIME_LIMIT]
     assert rest.time == pytest.approx(1 / (0.5 * G), abs=1e-12)
     assert out.position[0] > 1.0 >= out.position[0] - 5.0 * world.dt
@@ -131,19 +131,19 @@ def test_runs_end_with_the_status_that_ended_them() -> None:
 
 @pytest.mark.parametrize(("e", "total"), [(0.5, 1.355), (0.8, 4.064)])
 def test_dropped_ball_stops_after_the_textbook_time(e: float, total: float) -> None:
-    """A drop from 1 m bounces for sqrt(2 H / g) (1 + e) / (1 - e), the better the smaller dt is."""
+    """A drop from 1 m bounces for sqrt(2 H / g) (1 + e) / (1 - e); the error shrinks with dt."""
     exact = math.sqrt(2 / G) * (1 + e) / (1 - e)
     assert exact == pytest.approx(total, abs=5e-4)
     errors = []
     for dt in (1 / 60, 1 / 240, 1 / 960, 1 / 3840):
         world = floor_world(Surface(damping=e), dt=dt, impact="conservative")
-        errors.append(abs(world.simulate([0, 0, 1 + BALL], [0, 0, 0]).time - exact))
+        errors.append(abs(world.simulate([0, 0, 1 + BALL_RADIUS], [0, 0, 0]).time - exact))
     assert errors[0] < 0.05 * total
     assert errors[-1] < 2e-3 * total
     assert errors[-1] < 0.1 * errors[0]
 
 
-def test_two_walls_bounce_a_ball_at_most_pi_over_theta_times() -> None:
+def test_number_of_bounces_between_two_walls_is_at_most_pi_over_theta() -> None:
     """Between two elastic walls at an angle theta a ball bounces at most ceil(pi / theta) times, and leaves."""
     rng = np.random.default_rng(9)
     for angle in np.radians([90, 60, 50, 36, 25, 12]):
@@ -152,19 +152,19 @@ def test_two_walls_bounce_a_ball_at_most_pi_over_theta_times() -> None:
         faces = [[0, 1, 2], [0, 2, 3], [0, 3, 5], [0, 5, 4]]
         world = World([TriangleMesh(corners, faces, Surface(damping=1.0))], ball_radius=0.01, gravity=(0, 0, 0))
         middle = np.array([math.cos(angle / 2), math.sin(angle / 2), 0.0])
-        most = 0
+        max_bounces = 0
         for _ in range(40):
             start = 2.0 * middle
             aim = 0.2 * rng.random() * middle + [0.0, 0.0, rng.uniform(-1, 1)]
             shot = world.simulate(start, 3.0 * (aim - start), max_time=3.0)
             assert shot.exhausted == 0
-            most = max(most, shot.bounces)
-        assert math.ceil(math.pi / angle) - 1 <= most <= math.ceil(math.pi / angle)
+            max_bounces = max(max_bounces, shot.bounces)
+        assert math.ceil(math.pi / angle) - 1 <= max_bounces <= math.ceil(math.pi / angle)
 
 
 @pytest.mark.parametrize("impact", ["average", "conservative"])
 def test_mirrored_world_gives_the_mirrored_run(impact: str) -> None:
-    """Mirroring the scene, the gravity and the ball mirrors the path, until chaos has had its bounces."""
+    """Mirroring the scene, the gravity and the ball mirrors the path, as long as rounding errors stay small."""
     for seed in range(3):
         rng = np.random.default_rng(seed)
         bodies = [box_room(), sphere([0.5, 0.4, 0.3], 0.25), tetrahedron([-0.3, -0.2, 0.5], 0.3)]
@@ -178,16 +178,16 @@ def test_mirrored_world_gives_the_mirrored_run(impact: str) -> None:
         assert mirror * shots[1].position == pytest.approx(shots[0].position, abs=1e-8)
 
 
-def test_elastic_motion_without_gravity_runs_backwards() -> None:
-    """With d = 1 and no gravity, turning the velocity round brings the ball back through the same bounces."""
+def test_elastic_motion_without_gravity_is_reversible() -> None:
+    """With d = 1 and no gravity, the reversed velocity brings the ball back through the same bounces."""
     for seed in range(4):
         rng = np.random.default_rng(seed)
-        turn = rotation(rng)
+        rot = rotation(rng)
         bodies = [box_room(), sphere([0.3, 0.2, 1.0], 0.3)]
-        world = World([mesh(body, Surface(damping=1.0), turn) for body in bodies], gravity=(0, 0, 0))
-        p, v = turn @ [-0.5, 0.5, 1.2], turn @ rng.uniform(-3, 3, 3)
-        there = world.simulate(p, v, max_time=1.0)
-        back = world.simulate(there.position, -there.velocity, max_time=1.0)
-        assert there.bounces == back.bounces > 0
+        world = World([mesh(body, Surface(damping=1.0), rot) for body in bodies], gravity=(0, 0, 0))
+        p, v = rot @ [-0.5, 0.5, 1.2], rot @ rng.uniform(-3, 3, 3)
+        forward = world.simulate(p, v, max_time=1.0)
+        back = world.simulate(forward.position, -forward.velocity, max_time=1.0)
+        assert forward.bounces == back.bounces > 0
         assert back.position == pytest.approx(p, abs=1e-8)
         assert back.velocity == pytest.approx(-v, abs=1e-7)

@@ -1,4 +1,4 @@
-"""Queries on a world: one-sided and two-sided meshes, clearance, and what lies inside a solid."""
+"""Queries of a world: one-sided and two-sided meshes, clearance, and the inside of solids."""
 
 import math
 
@@ -7,14 +7,14 @@ import pytest
 
 from minigolf_env.physics import Surface, TriangleMesh, World
 from tests.physics.scenes import (
-    BALL,
+    BALL_RADIUS,
     FloatArray,
     box,
     cone,
+    floor_with_hole,
     free_starts,
     grid,
-    holed_floor,
-    inwards,
+    inside_out,
     mesh,
     random_room,
     room,
@@ -30,29 +30,29 @@ SOLIDS = {
 }
 
 
-def test_closed_meshes_are_invisible_from_behind() -> None:
-    """A sphere that leaves a solid, or comes into a room from outside, meets nothing; the other way it collides."""
-    solid, hall = World([mesh(box([-1, -1, -1], [1, 1, 1]))]), World([mesh(inwards(box([-1, -1, -1], [1, 1, 1])))])
+def test_closed_meshes_are_not_hit_from_behind() -> None:
+    """A sphere that leaves a solid, or enters a room from outside, hits nothing; in the other direction it does."""
+    solid, hall = World([mesh(box([-1, -1, -1], [1, 1, 1]))]), World([mesh(inside_out(box([-1, -1, -1], [1, 1, 1])))])
     inside, outside = [0.1, 0.2, 0.3], [3.0, 0.2, 0.3]
     assert not solid.sweep(inside, outside).hit
-    assert solid.sweep(outside, inside).alpha == pytest.approx((2.0 - BALL) / 2.9, abs=1e-12)
+    assert solid.sweep(outside, inside).alpha == pytest.approx((2.0 - BALL_RADIUS) / 2.9, abs=1e-12)
     assert not hall.sweep(outside, inside).hit
-    assert hall.sweep(inside, outside).alpha == pytest.approx((0.9 - BALL) / 2.9, abs=1e-12)
+    assert hall.sweep(inside, outside).alpha == pytest.approx((0.9 - BALL_RADIUS) / 2.9, abs=1e-12)
 
 
 @pytest.mark.parametrize("two_sided", [None, True])
-def test_open_meshes_stop_from_both_sides(two_sided: bool | None) -> None:
-    """An open mesh, or one made two-sided, stops a ball from above and from below."""
+def test_open_meshes_are_hit_from_both_sides(two_sided: bool | None) -> None:
+    """An open mesh, or a two-sided one, stops a ball from above and from below."""
     world = World([mesh(grid(2.0, 2), two_sided=two_sided)])
     for z in (1.0, -1.0):
         hit = world.sweep([0.1, 0.2, z], [0.1, 0.2, -z])
-        assert hit.alpha == pytest.approx(0.5 * (1 - BALL), abs=1e-12)
+        assert hit.alpha == pytest.approx(0.5 * (1 - BALL_RADIUS), abs=1e-12)
         assert hit.normal.tolist() == [0, 0, z]
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_clearance_counts_down_to_the_collision(seed: int) -> None:
-    """A free path has clearance all along, and where the sweep collides the clearance is zero."""
+def test_clearance_is_zero_at_the_hit_and_positive_before(seed: int) -> None:
+    """A free path has no negative clearance, and at the hit the clearance is zero."""
     rng = np.random.default_rng(seed)
     world, frame = random_room(rng)
     for start in free_starts(rng, world, frame, 20):
@@ -64,30 +64,30 @@ def test_clearance_counts_down_to_the_collision(seed: int) -> None:
             assert world.clearance(path[-1]) == pytest.approx(0.0, abs=1e-11)
             touched = path[-1] - world.ball_radius * hit.normal
             corners = np.concatenate([body.triangles for body in world.meshes])[hit.triangle]
-            spot = World([TriangleMesh(corners, [[0, 1, 2]])], ball_radius=world.ball_radius)
-            assert spot.clearance(touched) == pytest.approx(-world.ball_radius, abs=1e-6)
+            triangle_world = World([TriangleMesh(corners, [[0, 1, 2]])], ball_radius=world.ball_radius)
+            assert triangle_world.clearance(touched) == pytest.approx(-world.ball_radius, abs=1e-6)
 
 
-def places(kind: str, inside: bool, rng: np.random.Generator) -> FloatArray:
+def points_near(kind: str, inside: bool, rng: np.random.Generator) -> FloatArray:
     """Return points near the faces, edges and corners of a solid, on one side of it."""
     vertices, faces = SOLIDS[kind]
     corners = vertices[faces]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     middle = vertices.mean(axis=0)
-    spots = np.concatenate([corners.mean(axis=1), corners[:, :2].mean(axis=1), corners[:, 0]])
-    share = rng.uniform(0.02, 0.9, (len(spots), 1))
-    # Towards the middle is inside, away from it outside, since all these solids are convex.
-    return middle + (spots - middle) * ((1 - share) if inside else (1 + share))
+    features = np.concatenate([corners.mean(axis=1), corners[:, :2].mean(axis=1), corners[:, 0]])
+    share = rng.uniform(0.02, 0.9, (len(features), 1))
+    # All solids are convex: towards the middle is inside, away from it outside.
+    return middle + (features - middle) * ((1 - share) if inside else (1 + share))
 
 
 @pytest.mark.parametrize("kind", SOLIDS)
-def test_free_space_is_outside_of_solids_and_inside_of_rooms(kind: str) -> None:
-    """Near faces, edges, corners and centres, check_collision_free refuses a ball in a solid or outside the room."""
+def test_free_space_is_outside_solids_and_inside_rooms(kind: str) -> None:
+    """Near faces, edges, corners and centres check_collision_free refuses a ball in a solid or outside the room."""
     solid = World([mesh(SOLIDS[kind], name="rock")], ball_radius=1e-6)
-    hall = World([mesh(inwards(SOLIDS[kind]), name="hall")], ball_radius=1e-6)
+    hall = World([mesh(inside_out(SOLIDS[kind]), name="hall")], ball_radius=1e-6)
     for free, blocked, inside in ((solid, hall, False), (hall, solid, True)):
-        for p in places(kind, inside, np.random.default_rng(6)):
+        for p in points_near(kind, inside, np.random.default_rng(6)):
             assert np.array_equal(free.check_collision_free(p), p)
             with pytest.raises(ValueError, match=r"inside 'rock'|outside 'hall'"):
                 blocked.check_collision_free(p)
@@ -96,7 +96,7 @@ def test_free_space_is_outside_of_solids_and_inside_of_rooms(kind: str) -> None:
 
 
 def test_solids_may_touch_and_overlap() -> None:
-    """Blocks side by side, stacked or pushed into each other and the floor leave just the space around them free."""
+    """Blocks next to each other, stacked or overlapping leave exactly the space around them free."""
     blocks = [box([-0.5, -0.5, 0], [0, 0.5, 0.4]), box([0, -0.5, 0], [0.5, 0.5, 0.4])]
     blocks += [box([-0.2, -0.2, 0.4], [0.2, 0.2, 0.6]), box([0.3, 0.3, -0.2], [0.7, 0.7, 0.5])]
     world = World([mesh(room(2.0)), *(mesh(block) for block in blocks)])
@@ -110,22 +110,22 @@ def test_solids_may_touch_and_overlap() -> None:
 
 
 @pytest.mark.parametrize(("offset", "speed"), [(0.0, 1.313), (0.2, 1.269), (0.4, 1.121), (0.5, 0.987), (0.6, 0.716)])
-def test_hole_captures_below_the_free_fall_speed(offset: float, speed: float) -> None:
+def test_hole_captures_a_ball_below_the_free_fall_speed(offset: float, speed: float) -> None:
     """A ball that crosses a hole below the speed at which it falls by its radius in flight drops in."""
-    hole, r, g = 0.054, BALL, 9.81
+    hole, r, g = 0.054, BALL_RADIUS, 9.81
     flight = math.sqrt(hole**2 * (1 - offset**2)) + math.sqrt((hole - r) ** 2 - (offset * hole) ** 2)
     limit = flight * math.sqrt(g / (2 * r))
     assert limit == pytest.approx(speed, abs=1.5e-3)
-    world = World([mesh(holed_floor(0.054), Surface(restitution=0.3, tangential=1.0, rolling=0.0))])
+    world = World([mesh(floor_with_hole(0.054), Surface(restitution=0.3, tangential=1.0, rolling=0.0))])
     for share in (0.3, 0.7, 0.98):
         shot = world.simulate([-0.2, offset * hole, r], [share * limit, 0, 0], max_time=5.0)
         assert shot.position[2] < -r
 
 
 def test_hole_lets_fast_balls_pass() -> None:
-    """Twice the free-fall speed carries a ball across the hole, and one aimed beside it rolls by."""
-    world = World([mesh(holed_floor(0.054), Surface(restitution=0.3, tangential=1.0, rolling=0.0))])
-    for y, speed in ((0.0, 2 * 1.313), (0.054 + BALL, 0.5), (0.2, 0.5)):
-        shot = world.simulate([-0.2, y, BALL], [speed, 0, 0], max_time=1.0)
+    """Twice the free-fall speed carries a ball across the hole, and a ball that misses it rolls past."""
+    world = World([mesh(floor_with_hole(0.054), Surface(restitution=0.3, tangential=1.0, rolling=0.0))])
+    for y, speed in ((0.0, 2 * 1.313), (0.054 + BALL_RADIUS, 0.5), (0.2, 0.5)):
+        shot = world.simulate([-0.2, y, BALL_RADIUS], [speed, 0, 0], max_time=1.0)
         assert shot.position[2] > 0.0
         assert shot.position[0] > 0.2

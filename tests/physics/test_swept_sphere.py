@@ -1,4 +1,4 @@
-"""One sphere, one path, some triangles: the sweep is exact and has the symmetries of space."""
+"""The sweep of one sphere against triangles is exact and has the symmetries of space."""
 
 import math
 from pathlib import Path
@@ -18,12 +18,12 @@ Case = tuple[FloatArray, FloatArray, float, FloatArray]
 
 
 def scale_of(start: FloatArray, end: FloatArray, radius: float, triangles: FloatArray) -> float:
-    """Return the largest number of a case, which its tolerance follows, m."""
+    """Return the largest coordinate of a case, which its tolerance is proportional to, m."""
     return max(1.0, radius, *(float(np.abs(array).max()) for array in (start, end, triangles)))
 
 
 def fault_of(case: Case) -> str:
-    """Return what the oracle finds wrong with the package's answer to a case of one triangle."""
+    """Return the oracle's objection to the package's result for a case of one triangle; "" if there is none."""
     hit = sweep_sphere(*case)
     if hit.hit and not (np.isfinite(hit.normal).all() and abs(np.linalg.norm(hit.normal) - 1.0) < 1e-12):
         return f"normal {hit.normal} is not a unit vector"
@@ -31,7 +31,7 @@ def fault_of(case: Case) -> str:
 
 
 def reference_faults(i: int) -> list[str]:
-    """Return in what the answer to a reference vector differs from the exact one, where that is clear."""
+    """Return the differences from a reference vector's exact result, where the verdict is clear."""
     start, end, radius, triangle = (VECTORS[name][i] for name in ("start", "end", "radius", "triangle"))
     alpha, normal, margin = float(VECTORS["alpha"][i]), VECTORS["normal"][i], VECTORS["margin"][i]
     case = start, end, float(radius), triangle[None]
@@ -51,14 +51,14 @@ def reference_faults(i: int) -> list[str]:
 
 
 @pytest.mark.parametrize("family", sorted(set(VECTORS["family"].tolist())))
-def test_reference_vectors_are_met(family: str) -> None:
-    """Verdict, alpha and normal agree with the exact answers in every family of the conformance data."""
+def test_sweeps_agree_with_the_reference_vectors(family: str) -> None:
+    """Hit, alpha and normal agree with the exact results in every family of the conformance data."""
     wrong = [(int(i), faults) for i in np.flatnonzero(VECTORS["family"] == family) if (faults := reference_faults(i))]
     assert not wrong, f"{len(wrong)} of 400, first: {wrong[0]}"
 
 
 def random_case(rng: np.random.Generator, family: str) -> Case:
-    """Return a case of a family: most aim at a point of the triangle, or just past its border."""
+    """Return a random case of a family; most aim at a point of the triangle, or just past its border."""
     triangle, radius = rng.uniform(-1, 1, (3, 3)), float(rng.choice([0.02135, rng.uniform(0.005, 0.5)]))
     if family == "sliver":
         triangle[2] = triangle[0] + rng.random() * (triangle[1] - triangle[0])
@@ -72,31 +72,35 @@ def random_case(rng: np.random.Generator, family: str) -> Case:
         triangle[second] = triangle[first] + rng.normal(size=3) * 10.0 ** rng.uniform(-15, -3)
     weights = rng.dirichlet([0.5, 0.5, 0.5])
     target = weights @ triangle
-    way = rng.normal(size=3)
-    way /= np.linalg.norm(way)
+    direction = rng.normal(size=3)
+    direction /= np.linalg.norm(direction)
     exponents = {"tiny path": (-9, -3), "long path": (1, 4)}.get(family, (-2, 0.3))
     length = 10.0 ** rng.uniform(*exponents)
-    aside = np.cross(way, rng.normal(size=3))
-    past = rng.choice([1.0, 1.0 - 1e-7, 1.0 + 1e-7, 0.999]) if family == "graze" else 1.2 * rng.random()
-    start = target + past * radius * aside / np.linalg.norm(aside) - way * length * rng.random()
+    perpendicular = np.cross(direction, rng.normal(size=3))
+    distance_ratio = rng.choice([1.0, 1.0 - 1e-7, 1.0 + 1e-7, 0.999]) if family == "graze" else 1.2 * rng.random()
+    start = (
+        target
+        + distance_ratio * radius * perpendicular / np.linalg.norm(perpendicular)
+        - direction * length * rng.random()
+    )
     if family in ("touching start", "inside start"):
-        start = target + way * radius * (1.0 if family == "touching start" else rng.random())
-        way = rng.normal(size=3)
+        start = target + direction * radius * (1.0 if family == "touching start" else rng.random())
+        direction = rng.normal(size=3)
     if family == "skim":
         face = np.cross(triangle[1] - triangle[0], triangle[2] - triangle[0])
         face /= np.linalg.norm(face)
-        way = np.cross(face, way) / np.linalg.norm(np.cross(face, way))
-        start = target + radius * face - rng.random() * length * way
+        direction = np.cross(face, direction) / np.linalg.norm(np.cross(face, direction))
+        start = target + radius * face - rng.random() * length * direction
         drop = 10.0 ** rng.uniform(-13, -9)
-        start, way = start + rng.uniform(-1, 1) * drop * face, way - drop / length * face
+        start, direction = start + rng.uniform(-1, 1) * drop * face, direction - drop / length * face
     if family == "tip":
-        way = triangle.mean(axis=0) - triangle[first] + 0.2 * rng.normal(size=3)
-        way /= np.linalg.norm(way)
-        start = triangle[first] - (radius + 10.0 ** rng.uniform(-9, 0)) * way
+        direction = triangle.mean(axis=0) - triangle[first] + 0.2 * rng.normal(size=3)
+        direction /= np.linalg.norm(direction)
+        start = triangle[first] - (radius + 10.0 ** rng.uniform(-9, 0)) * direction
     if family == "far":
-        away = rng.uniform(-1, 1, 3) * 1e6
-        start, triangle = start + away, triangle + away
-    return start, start + way * length, radius, triangle[None]
+        shift = rng.uniform(-1, 1, 3) * 1e6
+        start, triangle = start + shift, triangle + shift
+    return start, start + direction * length, radius, triangle[None]
 
 
 FAMILIES = [
@@ -114,8 +118,8 @@ FAMILIES = [
 
 
 @pytest.mark.parametrize("family", [*FAMILIES, "touching start", "inside start"])
-def test_generated_cases_are_exact(family: str) -> None:
-    """The exact oracle finds no missed, false or late collision in generated cases of the hard families."""
+def test_exact_oracle_accepts_generated_cases(family: str) -> None:
+    """The oracle finds no missed, false or late hit in generated cases of difficult families."""
     rng = np.random.default_rng(7)
     cases = [random_case(rng, family) for _ in range(300)]
     faults = [(i, fault_of(case)) for i, case in enumerate(cases)]
@@ -128,19 +132,21 @@ vector = st.tuples(coordinate, coordinate, coordinate).map(np.array)
 soups = st.lists(st.tuples(vector, vector, vector), min_size=1, max_size=6).map(np.array)
 
 
-def same(a: Hit, b: Hit) -> bool:
-    """Return whether two answers are the same bits, the triangle's number aside."""
+def has_same_bits(a: Hit, b: Hit) -> bool:
+    """Return whether two hits are equal bit for bit, apart from the triangle's index."""
     return a.hit == b.hit and a.alpha == b.alpha and np.array_equal(a.normal, b.normal)
 
 
 @settings(max_examples=200, deadline=None)
 @given(vector, vector, soups, st.integers(-30, 30))
-def test_powers_of_two_scale_a_sweep_bit_for_bit(start: FloatArray, end: FloatArray, soup: FloatArray, k: int) -> None:
-    """A world twice, or 2**k times, as large gives the same bits: no length is built in."""
+def test_scaling_a_sweep_by_powers_of_two_keeps_the_bits(
+    start: FloatArray, end: FloatArray, soup: FloatArray, k: int
+) -> None:
+    """A world 2**k times as large gives the same bits: no length is built in."""
     unit = 2.0**k
     answer = sweep_sphere(start, end, 0.25, soup)
     scaled = sweep_sphere(unit * start, unit * end, unit * 0.25, unit * soup)
-    assert same(answer, scaled)
+    assert has_same_bits(answer, scaled)
     assert answer.triangle == scaled.triangle
 
 
@@ -149,27 +155,29 @@ def test_powers_of_two_scale_a_sweep_bit_for_bit(start: FloatArray, end: FloatAr
 def test_order_of_triangles_does_not_matter(
     start: FloatArray, end: FloatArray, soup: FloatArray, shuffle: list[int]
 ) -> None:
-    """Shuffled triangles give the same bits, and the number of a triangle that alone gives them too."""
+    """Shuffled triangles give the same bits, and the index of a triangle that alone gives them too."""
     order = [i for i in shuffle if i < len(soup)]
-    corner = np.full((1, 3, 3), 50.0)  # Far away: it gives all sweeps the same scale and meets none.
+    corner = np.full((1, 3, 3), 50.0)  # A distant triangle gives all sweeps the same scale.
     answer, shuffled = (sweep_sphere(start, end, 0.25, np.concatenate([s, corner])) for s in (soup, soup[order]))
-    assert same(answer, shuffled)
+    assert has_same_bits(answer, shuffled)
     if answer.hit:
         alone = np.concatenate([soup[[order[shuffled.triangle]]], corner])
-        assert same(answer, sweep_sphere(start, end, 0.25, alone))
+        assert has_same_bits(answer, sweep_sphere(start, end, 0.25, alone))
 
 
 @settings(max_examples=100, deadline=None)
 @given(vector, vector, soups)
-def test_scan_is_the_first_of_its_triangles(start: FloatArray, end: FloatArray, soup: FloatArray) -> None:
-    """The answer for many triangles is the smallest alpha of the answers for each (in one common scale)."""
-    corner = np.full((1, 3, 3), 50.0)  # Far away: it gives all sweeps the same scale and meets none.
+def test_brute_force_sweep_is_the_first_hit_of_its_triangles(
+    start: FloatArray, end: FloatArray, soup: FloatArray
+) -> None:
+    """Alpha for many triangles is the smallest alpha of the sweeps against each (with a common scale)."""
+    corner = np.full((1, 3, 3), 50.0)  # A distant triangle gives all sweeps the same scale.
     each = [sweep_sphere(start, end, 0.25, np.concatenate([soup[[i]], corner])).alpha for i in range(len(soup))]
     assert sweep_sphere(start, end, 0.25, np.concatenate([soup, corner])).alpha == min(each)
 
 
 def clear_cases(count: int) -> list[tuple[Case, Hit]]:
-    """Return random cases with one triangle that collide at a clear angle, where moving the world keeps the verdict."""
+    """Return random cases with one triangle and a steep hit, whose verdict survives moving the world."""
     rng, cases = np.random.default_rng(11), []
     while len(cases) < count:
         case = random_case(rng, "random")
@@ -179,21 +187,21 @@ def clear_cases(count: int) -> list[tuple[Case, Hit]]:
     return cases
 
 
-@pytest.mark.parametrize("kind", ["moved", "turned", "mirrored"])
-def test_space_is_the_same_everywhere(kind: str) -> None:
-    """Moving, turning or mirroring the world does the same to the answer, to rounding."""
+@pytest.mark.parametrize("kind", ["translated", "rotated", "reflected"])
+def test_sweep_is_invariant_under_translation_rotation_and_reflection(kind: str) -> None:
+    """Moving, rotating or mirroring the world does the same to the result, up to rounding."""
     rng = np.random.default_rng(3)
     for (start, end, radius, triangles), hit in clear_cases(100):
-        turn = {"moved": np.eye(3), "turned": rotation(rng), "mirrored": np.diag([-1.0, 1.0, 1.0])}[kind]
-        shift = rng.uniform(-3, 3, 3) if kind == "moved" else np.zeros(3)
-        other = sweep_sphere(turn @ start + shift, turn @ end + shift, radius, triangles @ turn.T + shift)
+        rot = {"translated": np.eye(3), "rotated": rotation(rng), "reflected": np.diag([-1.0, 1.0, 1.0])}[kind]
+        shift = rng.uniform(-3, 3, 3) if kind == "translated" else np.zeros(3)
+        other = sweep_sphere(rot @ start + shift, rot @ end + shift, radius, triangles @ rot.T + shift)
         assert other.hit
         assert other.alpha == pytest.approx(hit.alpha, abs=1e-9)
-        assert other.normal == pytest.approx(turn @ hit.normal, abs=1e-7)
+        assert other.normal == pytest.approx(rot @ hit.normal, abs=1e-7)
 
 
 def test_sphere_touches_at_alpha_and_not_before() -> None:
-    """At alpha the distance is the radius; halfway to alpha it is more."""
+    """At alpha the distance is the radius; at half of alpha it is more."""
     for (start, end, radius, triangles), hit in clear_cases(100):
         sweep = Sweep(start, end, radius, triangles[0])
         assert sweep.is_deeper(hit.alpha, -1e-11)
@@ -201,8 +209,8 @@ def test_sphere_touches_at_alpha_and_not_before() -> None:
         assert not sweep.is_deeper(0.5 * hit.alpha, 0.0)
 
 
-def test_splitting_a_path_keeps_the_collision() -> None:
-    """A path cut before its collision has none in the first part and the same one in the second."""
+def test_splitting_a_path_keeps_the_hit() -> None:
+    """A path split before its hit has none in the first part and the same hit in the second."""
     for (start, end, radius, triangles), hit in clear_cases(100):
         middle = start + 0.5 * hit.alpha * (end - start)
         assert not sweep_sphere(start, middle, radius, triangles).hit
@@ -212,7 +220,7 @@ def test_splitting_a_path_keeps_the_collision() -> None:
 
 
 def test_hand_worked_face_edge_and_vertex() -> None:
-    """Unit paths onto a face, an edge and a vertex collide where Pythagoras says."""
+    """Unit paths onto a face, an edge and a vertex have the hit fraction of Pythagoras' theorem."""
     r = 0.25
     face = sweep_sphere([0, 0, 1], [0, 0, 0], r, FLOOR)
     edge = sweep_sphere([0, -1.15, 1], [0, -1.15, 0], r, FLOOR)
@@ -223,35 +231,35 @@ def test_hand_worked_face_edge_and_vertex() -> None:
     assert vertex.alpha == pytest.approx(1 - math.sqrt(r**2 - 0.02), abs=1e-12)
 
 
-def test_collision_at_the_very_end_is_left_to_the_next_path() -> None:
-    """A path that ends in touching has alpha 1 and no hit; a path that goes on from there has alpha 0."""
+def test_contact_at_the_end_of_a_path_is_a_hit_of_the_next_path() -> None:
+    """A path that ends in contact has alpha 1 and no hit; a path that continues from there has alpha 0."""
     assert sweep_sphere([0, 0, 1], [0, 0, 0.25], 0.25, FLOOR) == Hit(False, 1.0, pytest.approx([0, 0, 0], abs=0), -1)
     assert sweep_sphere([0, 0, 0.25], [0, 0, 0], 0.25, FLOOR).alpha == 0.0
 
 
-@pytest.mark.parametrize("way", [[0, 0, 1], [1, 0, 0], [1, 0, 1e-9], [0, 0, 0]])
-def test_touching_is_colliding_only_when_approaching(way: list[float]) -> None:
-    """A sphere that touches and moves away, moves along, or does not move, does not collide."""
+@pytest.mark.parametrize("direction", [[0, 0, 1], [1, 0, 0], [1, 0, 1e-9], [0, 0, 0]])
+def test_contact_is_a_hit_only_when_approaching(direction: list[float]) -> None:
+    """A sphere in contact that separates, moves along the face, or does not move, has no hit."""
     start = np.array([0.0, 0.0, 0.25])
-    assert not sweep_sphere(start, start + way, 0.25, FLOOR).hit
+    assert not sweep_sphere(start, start + direction, 0.25, FLOOR).hit
 
 
-def test_two_sided_triangles_stop_from_both_sides() -> None:
-    """A two-sided triangle answers a mirrored path with the mirrored normal."""
+def test_two_sided_triangle_has_the_mirrored_normal_for_the_mirrored_path() -> None:
+    """The hit fractions are equal and the normals opposite."""
     down, up = sweep_sphere([0, 0, 1], [0, 0, -1], 0.25, FLOOR), sweep_sphere([0, 0, -1], [0, 0, 1], 0.25, FLOOR)
     assert down.alpha == up.alpha
     assert np.array_equal(down.normal, -up.normal)
 
 
-def test_ties_go_to_the_steepest_approach_then_to_the_first_triangle() -> None:
-    """Of faces met at one instant the one hit head-on counts; of equal ones the first."""
+def test_simultaneous_hits_prefer_the_steepest_then_the_first_triangle() -> None:
+    """Of faces hit at one instant the one with the steepest approach counts; of equal ones the first."""
     wall = np.array([[[0.0, -9.0, -9.0], [0.0, 9.0, -9.0], [0.0, 0.0, 9.0]]])
     floor = np.array([[[-9.0, -9.0, 0.0], [9.0, -9.0, 0.0], [0.0, 9.0, 0.0]]])
-    start, way = np.array([1.25, 0.0, 1.25]), np.array([-1.0, 0.0, -1.0])
+    start, direction = np.array([1.25, 0.0, 1.25]), np.array([-1.0, 0.0, -1.0])
     both = np.concatenate([wall, floor, wall, floor])
-    assert sweep_sphere(start, start + 2 * way, 0.25, both).triangle == 0
-    assert sweep_sphere(start, start + 2 * way, 0.25, both[[1, 0]]).triangle == 0
-    # Both touched at the start (alpha 0 for both): the steeper counts, wherever it stands.
+    assert sweep_sphere(start, start + 2 * direction, 0.25, both).triangle == 0
+    assert sweep_sphere(start, start + 2 * direction, 0.25, both[[1, 0]]).triangle == 0
+    # Both in contact at the start (alpha 0): the steeper counts, in either order.
     touching = np.array([0.25, 0.0, 0.25])
     for order in ([0, 1], [1, 0]):
         hit = sweep_sphere(touching, touching + np.array([-0.1, 0, -0.3]), 0.25, both[order])
@@ -259,7 +267,7 @@ def test_ties_go_to_the_steepest_approach_then_to_the_first_triangle() -> None:
         assert np.array_equal(hit.normal, [0, 0, 1])
 
 
-def test_inner_edges_of_a_flat_floor_are_not_felt() -> None:
+def test_inner_edges_of_a_flat_floor_have_the_face_normal() -> None:
     """On seams and vertices inside a flat floor the normal is the face's, to the last bit."""
     vertices, faces = grid(4.0, 4)
     for x, y in ((0.0, 0.0), (0.5, 0.5), (0.3, 0.0), (0.0, 0.7), (0.3, 0.3)):
@@ -268,8 +276,8 @@ def test_inner_edges_of_a_flat_floor_are_not_felt() -> None:
         assert not sweep_sphere([x - 2, y, 0.25], [x + 2, y, 0.25], 0.25, vertices[faces]).hit
 
 
-def test_collision_approaches_the_normal_it_reports() -> None:
-    """The reported normal always looks against the path, also where a grazed edge gets its face's normal."""
+def test_path_approaches_along_the_reported_normal() -> None:
+    """The normal always points against the path, also where a grazed edge gets its face's normal."""
     rng = np.random.default_rng(5)
     hits = 0
     for _ in range(3000):
@@ -283,8 +291,8 @@ def test_collision_approaches_the_normal_it_reports() -> None:
     assert hits > 100
 
 
-def test_grazing_within_the_tolerance_is_free() -> None:
-    """A sphere that comes or goes over an edge, less deep than the tolerance all the way, does not collide."""
+def test_grazing_within_the_tolerance_is_no_hit() -> None:
+    """A sphere that passes an edge less deep than the tolerance has no hit."""
     floor = np.array([[[0.0, -1.0, 0.0], [1.0, -1.0, 0.0], [0.0, 1.0, 0.0]]])
     for length in (1e-3, 1e-2, 1e-1):
         for depth in (0.0, 1e-13, 2e-13, 3e-13):
@@ -294,13 +302,13 @@ def test_grazing_within_the_tolerance_is_free() -> None:
 
 
 @pytest.mark.parametrize("depth", [-1e-12, 0.0, 1e-13, 3e-13, 8e-13, 1e-12, 1e-9, 1e-6])
-def test_edge_of_a_ridge_is_met_by_what_comes_deeper_than_the_tolerance(depth: float) -> None:
-    """Across an edge from which a face falls away, on a path along the tangent there: the tolerance is 5e-13."""
+def test_ridge_edge_is_hit_exactly_when_deeper_than_the_tolerance(depth: float) -> None:
+    """For a tangential path across an edge from which a face falls away the tolerance is 5e-13."""
     rng = np.random.default_rng(3)
     for _ in range(500):
-        tilt, turn, share = 10.0 ** rng.uniform(-4, -0.5), rng.uniform(-1.3, 1.3), rng.uniform(0.1, 0.9)
+        tilt, angle, share = 10.0 ** rng.uniform(-4, -0.5), rng.uniform(-1.3, 1.3), rng.uniform(0.1, 0.9)
         ridge = np.array([[[0.0, -1.0, 0.0], [1.0, -1.0, -tilt], [0.0, 1.0, 0.0]]])
-        way = 10.0 ** rng.uniform(-2, -1) * np.array([np.cos(turn), np.sin(turn), 0.0])
-        start = np.array([0.0, rng.uniform(-0.5, 0.5), 0.02 - depth]) - share * way
-        for a, b in ((start, start + way), (start + way, start)):
+        direction = 10.0 ** rng.uniform(-2, -1) * np.array([np.cos(angle), np.sin(angle), 0.0])
+        start = np.array([0.0, rng.uniform(-0.5, 0.5), 0.02 - depth]) - share * direction
+        for a, b in ((start, start + direction), (start + direction, start)):
             assert sweep_sphere(a, b, 0.02, ridge).hit == (depth > 5e-13)

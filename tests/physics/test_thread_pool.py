@@ -1,4 +1,4 @@
-"""Pieces on threads: all rows once, a bounded number each, none after an interrupt, no thread across a fork."""
+"""parallel_for runs all rows once in bounded chunks, none after an interrupt, and keeps no thread across a fork."""
 
 from __future__ import annotations
 
@@ -14,27 +14,27 @@ from minigolf_env.physics import thread_pool
 
 @pytest.fixture(params=[1, 2, 3])
 def threads(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> int:
-    """Let numba be set to so many threads."""
+    """Set the number of threads."""
     monkeypatch.setattr(thread_pool, "_num_threads", lambda: request.param)
     return int(request.param)
 
 
 @pytest.mark.parametrize("n", [0, 1, 2, 7, 1000, 100_003])
-def test_pieces_are_all_rows_once(threads: int, n: int) -> None:
-    """And short enough for an interrupt to come through, on one thread too."""
-    pieces: list[tuple[int, int]] = []
-    thread_pool.parallel_for(lambda first, last: pieces.append((first, last)), n)
-    assert [row for first, last in sorted(pieces) for row in range(first, last)] == list(range(n))
-    assert max(last - first for first, last in pieces) <= thread_pool.MAX_CHUNK_SIZE
+def test_chunks_cover_all_rows_once(threads: int, n: int) -> None:
+    """Chunks are short enough for an interrupt to be handled soon, also on one thread."""
+    chunks: list[tuple[int, int]] = []
+    thread_pool.parallel_for(lambda first, last: chunks.append((first, last)), n)
+    assert [row for first, last in sorted(chunks) for row in range(first, last)] == list(range(n))
+    assert max(last - first for first, last in chunks) <= thread_pool.MAX_CHUNK_SIZE
 
 
-def test_no_piece_begins_after_an_interrupt(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Those that run come to their end; those that wait for a thread are dropped."""
+def test_no_chunk_starts_after_an_interrupt(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Running chunks finish; waiting ones are dropped."""
     monkeypatch.setattr(thread_pool, "_num_threads", lambda: 2)
-    gate, begun = threading.Event(), []
+    gate, started = threading.Event(), []
 
     def run(first: int, last: int) -> None:
-        begun.append(first)
+        started.append(first)
         gate.wait()
 
     def interrupted(futures: object) -> None:
@@ -46,12 +46,14 @@ def test_no_piece_begins_after_an_interrupt(monkeypatch: pytest.MonkeyPatch) -> 
             thread_pool.parallel_for(run, 1000)
     gate.set()
     after: list[int] = []
-    thread_pool.parallel_for(lambda first, last: after.extend(range(first, last)), 1000)  # Behind what is still queued.
-    assert len(begun) <= 2 and sorted(after) == list(range(1000))
+    thread_pool.parallel_for(
+        lambda first, last: after.extend(range(first, last)), 1000
+    )  # Runs after what is still queued.
+    assert len(started) <= 2 and sorted(after) == list(range(1000))
 
 
-def test_an_error_in_a_piece_comes_out(threads: int) -> None:
-    """Whichever thread it ran on."""
+def test_exception_in_a_chunk_is_raised(threads: int) -> None:
+    """The caller gets the exception of any thread."""
 
     def run(first: int, last: int) -> None:
         if first <= 70 < last:
@@ -61,8 +63,8 @@ def test_an_error_in_a_piece_comes_out(threads: int) -> None:
         thread_pool.parallel_for(run, 100)
 
 
-def test_batches_of_all_sizes_share_their_threads(monkeypatch: pytest.MonkeyPatch) -> None:
-    """No more are kept than numba is set to use."""
+def test_batches_of_all_sizes_share_one_pool(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No more threads are kept than numba is set to use."""
     monkeypatch.setattr(thread_pool, "_num_threads", lambda: 3)
     names: set[int] = set()
     for n in (2, 3, 4, 100):
@@ -71,12 +73,12 @@ def test_batches_of_all_sizes_share_their_threads(monkeypatch: pytest.MonkeyPatc
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
-def test_no_threads_are_there_at_a_fork() -> None:
-    """Python 3.12 warns of them; parent and child start threads again, and a second fork is as good as the first."""
+def test_threads_are_stopped_before_a_fork() -> None:
+    """Python 3.12 warns of threads at a fork; parent and child start threads again, also after a second fork."""
     code = """
 import os, threading
 seen = []
-os.register_at_fork(before=lambda: seen.append(threading.active_count()))  # The first to register is the last asked.
+os.register_at_fork(before=lambda: seen.append(threading.active_count()))  # Runs after those registered later.
 from minigolf_env.physics import thread_pool
 thread_pool._num_threads = lambda: 2
 

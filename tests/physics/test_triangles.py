@@ -1,4 +1,4 @@
-"""Face normals are right to the last bits, for slivers too."""
+"""Face normals are accurate to the last bits, also for slivers."""
 
 from fractions import Fraction
 
@@ -24,7 +24,7 @@ def exact_normal(triangle: FloatArray) -> FloatArray:
 @pytest.mark.parametrize("height", [1.0, 1e-3, 1e-6, 1e-9, 1e-12])
 @pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
 def test_normals_are_exact(height: float, size: float) -> None:
-    """A triangle of any shape, size and place has the normal that exact arithmetic gives it, within 1e-15."""
+    """A triangle of any shape, size and place has the exact normal to within 1e-15."""
     rng = np.random.default_rng(1)
     triangles = rng.uniform(-1, 1, (100, 3, 3)) * size
     along = triangles[:, 0] + rng.random((100, 1)) * (triangles[:, 1] - triangles[:, 0])
@@ -33,15 +33,15 @@ def test_normals_are_exact(height: float, size: float) -> None:
     assert np.abs(face_frames(triangles)[0] - exact).max() < 1e-15
 
 
-def test_triangles_without_area_have_no_normal() -> None:
-    """Points, segments and collinear corners get zeros, and neither NaN nor a warning."""
+def test_triangles_without_area_have_zero_normals() -> None:
+    """Points, segments and collinear corners get zeros, without NaN or a warning."""
     a, b = np.array([0.25, 1.5, -2.0]), np.array([1.25, -0.5, 3.0])
     flat = np.array([[a, a, a], [a, a, b], [a, b, a], [b, a, a], [a, 0.5 * (a + b), b], 0.0 * np.array([a, a, b])])
     assert not any(frame.any() for frame in face_frames(flat))
 
 
-def test_winding_gives_the_sign() -> None:
-    """Turning a triangle over negates its normal exactly; turning its corners round keeps it to rounding."""
+def test_reversed_winding_negates_the_normal() -> None:
+    """Reversing a triangle negates its normal exactly; rotating its corners keeps it up to rounding."""
     triangles = np.random.default_rng(2).uniform(-1, 1, (100, 3, 3))
     n, over, round_ = (face_frames(triangles[:, order])[0] for order in ([0, 1, 2], [0, 2, 1], [1, 2, 0]))
     assert np.array_equal(over, -n)
@@ -49,8 +49,8 @@ def test_winding_gives_the_sign() -> None:
 
 
 @pytest.mark.parametrize("height", [1.0, 1e-3, 1e-9])
-def test_frames_give_a_point_its_coordinates_along_the_edges(height: float) -> None:
-    """The dual basis of the edges, u and v: x e + y f + z n has the coordinates x, y and z."""
+def test_dual_basis_gives_coordinates_along_the_edges(height: float) -> None:
+    """With the dual basis u and v of the edges, x e + y f + z n has the coordinates x, y and z."""
     rng = np.random.default_rng(4)
     triangles = rng.uniform(-1, 1, (100, 3, 3))
     triangles[:, 2] = triangles[:, 1] + height * rng.normal(size=(100, 3))
@@ -62,7 +62,7 @@ def test_frames_give_a_point_its_coordinates_along_the_edges(height: float) -> N
 
 
 @pytest.mark.parametrize("k", [-1000, -60, 60, 500])
-def test_size_does_not_matter(k: int) -> None:
+def test_scaling_by_powers_of_two_keeps_the_bits_of_normals(k: int) -> None:
     """A power of two in every coordinate changes no bit of a normal, and divides the dual basis."""
     triangles = np.random.default_rng(3).uniform(-1, 1, (100, 3, 3))
     frames, scaled = face_frames(triangles), face_frames(triangles * 2.0**k)

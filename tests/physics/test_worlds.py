@@ -1,4 +1,4 @@
-"""Worlds side by side give what each gives alone."""
+"""A WorldBatch gives each ball the result of its own world."""
 
 from __future__ import annotations
 
@@ -16,26 +16,26 @@ NAMES = ["dogleg", f"procedural-v{GENERATOR_VERSION}-hard-3", f"procedural-v{GEN
 @pytest.fixture(scope="module")
 def worlds() -> list[World]:
     """Return worlds, one of them twice."""
-    known = {name: load_course(name).world() for name in NAMES}
-    return [known[name] for name in NAMES]
+    worlds_by_name = {name: load_course(name).world() for name in NAMES}
+    return [worlds_by_name[name] for name in NAMES]
 
 
 def starts() -> np.ndarray:
-    """Return centres on the tees."""
+    """Return ball positions on the tees."""
     courses = [load_course(name) for name in NAMES]
     return np.array([[*course.tee.centre, course.tee.height + course.ball_radius] for course in courses])
 
 
-@pytest.mark.parametrize("each", [1, 3])
-def test_each_ball_is_in_its_world(worlds: list[World], each: int) -> None:
-    """Runs and sweeps are bit-equal to those of the worlds one by one, however many rows each has."""
+@pytest.mark.parametrize("rows_per_world", [1, 3])
+def test_batch_of_worlds_equals_single_worlds_bitwise(worlds: list[World], rows_per_world: int) -> None:
+    """Runs and sweeps equal those of the worlds one by one, however many rows each has."""
     rng = np.random.default_rng(0)
-    positions = np.repeat(starts(), each, axis=0)
+    positions = np.repeat(starts(), rows_per_world, axis=0)
     velocities = np.append(rng.uniform(-3, 3, (len(positions), 2)), np.zeros((len(positions), 1)), axis=1)
     batch = WorldBatch(worlds)
     shots, hits = batch.simulate_batch(positions, velocities), batch.sweep_batch(positions, positions + velocities)
     for i, (p, v) in enumerate(zip(positions, velocities, strict=True)):
-        shot, hit = worlds[i // each].simulate(p, v), worlds[i // each].sweep(p, p + v)
+        shot, hit = worlds[i // rows_per_world].simulate(p, v), worlds[i // rows_per_world].sweep(p, p + v)
         assert (shots.position[i].tobytes(), shots.time[i]) == (shot.position.tobytes(), shot.time)
         assert (hits.alpha[i], hits.triangle[i], hits.normal[i].tobytes()) == (
             hit.alpha,
@@ -44,31 +44,31 @@ def test_each_ball_is_in_its_world(worlds: list[World], each: int) -> None:
         )
 
 
-def test_no_worlds_take_no_balls() -> None:
-    """As a batch of environments that all begin anew."""
+def test_empty_batch_of_worlds_accepts_no_balls() -> None:
+    """A vector environment makes such a batch when all its episodes restart."""
     nothing = WorldBatch([]).simulate_batch(np.empty((0, 3)), np.empty((0, 3)))
     assert nothing.position.shape == (0, 3) and len(np.asarray(nothing.status)) == 0
 
 
-def test_what_does_not_fit_is_refused(worlds: list[World]) -> None:
-    """A ball in a surface, rows that cannot be shared out, no worlds for balls, worlds of different time steps."""
-    batch, balls = WorldBatch(worlds), starts()
-    balls[2, 2] -= 0.01
+def test_rejects_batches_that_do_not_fit(worlds: list[World]) -> None:
+    """Overlapping balls, row counts that do not fit the worlds, and different time steps are refused."""
+    batch, positions = WorldBatch(worlds), starts()
+    positions[2, 2] -= 0.01
     with pytest.raises(ValueError, match="position 2: expected a ball in free space"):
-        batch.simulate_batch(balls, np.zeros((4, 3)))
+        batch.simulate_batch(positions, np.zeros((4, 3)))
     with pytest.raises(ValueError, match="a multiple of 4 rows, as many for each world, received 3"):
-        batch.simulate_batch(balls[:3], np.zeros((3, 3)))
+        batch.simulate_batch(positions[:3], np.zeros((3, 3)))
     with pytest.raises(ValueError, match="a multiple of 0 rows"):
-        WorldBatch([]).sweep_batch(balls, balls)
+        WorldBatch([]).sweep_batch(positions, positions)
     with pytest.raises(ValueError, match="all of one dt"):
         WorldBatch([worlds[0], load_course("dogleg").world(dt=1 / 60)])
 
 
-def test_a_refusal_names_the_radius_of_the_ball_itself() -> None:
-    """Balls of a batch may differ in size; nobody is sent to a height that is still in the floor."""
+def test_overlap_error_has_the_radius_of_the_ball_concerned() -> None:
+    """Balls of a batch may have different radii; the error's height is that of the ball concerned."""
     batch = WorldBatch([World([mesh(room(2.0))], ball_radius=radius) for radius in (0.02, 0.05)])
     for k in (2, 3):
-        balls = np.tile([0.0, 0.0, 1.0], (4, 1))
-        balls[k, 2] = 0.03
+        positions = np.tile([0.0, 0.0, 1.0], (4, 1))
+        positions[k, 2] = 0.03
         with pytest.raises(ValueError, match=rf"position {k}: .*, 0\.02 m deep .* at least 0\.05 m from"):
-            batch.simulate_batch(balls, np.zeros((4, 3)))
+            batch.simulate_batch(positions, np.zeros((4, 3)))
