@@ -149,12 +149,12 @@ def select_tests(module: Path) -> list[str]:
     return [name for name in candidates if (ROOT / name).exists()] or ["tests"]
 
 
-def first_failure(copy: Path, tests: list[str], time_limit: float | None = None) -> str:
+def first_failure(copy: Path, tests: str, time_limit: float | None = None) -> str:
     """Run tests on a copy of the package until one fails.
 
     Args:
         copy: the folder of the copy.
-        tests: files and folders of tests.
+        tests: a file or folder of tests.
         time_limit: seconds until the tests are stopped.
 
     Returns:
@@ -164,7 +164,7 @@ def first_failure(copy: Path, tests: list[str], time_limit: float | None = None)
         RuntimeError: pytest found no tests or could not start.
     """
     ignored = [f"--ignore={name}" for name in IGNORED_TESTS]
-    command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *ignored, *tests]
+    command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *ignored, tests]
     # CI makes hypothesis draw the same examples in each run. Mutants outside the physics share its compiled kernels.
     environment = {**os.environ, "CI": "1", "PYTHONPATH": str(copy), "NUMBA_CACHE_DIR": str(copy / "cache")}
     process = subprocess.Popen(
@@ -179,9 +179,12 @@ def first_failure(copy: Path, tests: list[str], time_limit: float | None = None)
     try:
         output, _ = process.communicate(timeout=time_limit)
     except subprocess.TimeoutExpired:
-        os.killpg(process.pid, signal.SIGKILL)
-        process.communicate()
         return f"time limit of {time_limit:.0f} s"
+    finally:
+        # After the time limit or an interrupt, stop pytest and the processes that it started.
+        if process.poll() is None:
+            os.killpg(process.pid, signal.SIGKILL)
+            process.communicate()
     if process.returncode == 0:
         return ""
     failures: list[str] = re.findall(r"^(?:FAILED|ERROR) (.+?)(?: - |$)", output, re.MULTILINE)
@@ -215,14 +218,15 @@ def main(args: Args) -> int:
             # Measure the tests of a package once, on the intact package.
             if tests[-1] not in time_limits:
                 start = time.perf_counter()
-                if failure := first_failure(copy, tests[-1:]):
+                if failure := first_failure(copy, tests[-1]):
                     print(f"The tests fail on the intact package: {failure}", file=sys.stderr)
                     return 1
                 time_limits[tests[-1]] = 60.0 + 3.0 * (time.perf_counter() - start)
             # Test the mutant, then restore the module.
             module.write_text(mutant)
             start = time.perf_counter()
-            failures.append(first_failure(copy, tests, time_limits[tests[-1]]))
+            runs = (first_failure(copy, name, time_limits[tests[-1]]) for name in tests)
+            failures.append(next(filter(None, runs), ""))
             seconds = time.perf_counter() - start
             module.write_text(source)
             print(f"{'killed by ' + failures[-1] if failures[-1] else 'SURVIVED'} ({seconds:.0f} s)")

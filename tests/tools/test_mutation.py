@@ -75,10 +75,10 @@ def test_failures_and_endless_loops_notice_a_mutant(
     """The first failure is reported by its name; tests that exceed the time limit are stopped."""
     (tmp_path / "tests").mkdir()
     (tmp_path / "tests" / "test_it.py").write_text(f"def test_it():\n    {test}\n")
-    assert first_failure(tmp_path, ["tests"], time_limit) == expected
+    assert first_failure(tmp_path, "tests", time_limit) == expected
 
 
 def test_refuses_tests_that_do_not_exist(tmp_path: Path) -> None:
     """A run without tests is not taken for a survivor."""
     with pytest.raises(RuntimeError, match="pytest ended with 4"):
-        first_failure(tmp_path, ["no_such_folder"])
+        first_failure(tmp_path, "no_such_folder")
