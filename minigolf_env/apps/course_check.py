@@ -98,7 +98,8 @@ def _play_errors(course: Course) -> Iterator[str]:
     """Yield the errors that show when the hole is played."""
     env = MiniGolfEnv(course=course, tee="fixed", max_strokes=MAX_SEARCH_STROKES)
     env.reset(seed=0)
-    done, info = False, dict[str, Any]()
+    info: dict[str, Any] = {}
+    done = False
     while not done:
         _, _, done, _, info = env.step(search(env).action)
     if not info["is_success"]:

@@ -108,7 +108,9 @@ def draw_course(axes: Axes, course: Course) -> None:
     from matplotlib.collections import PolyCollection
 
     # Collect the triangles that face up.
-    triangles, heights, colors = [], [], []
+    triangles = []
+    heights = []
+    colors = []
     for part in course.parts:
         corners = part.mesh.triangles
         normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -147,7 +149,8 @@ def draw_map(axes: Axes, course: Course, putts: PuttOutcomes) -> None:
 
 def draw_polar(axes: Axes, putts: PuttOutcomes) -> None:
     """Draw the outcomes over speed and direction: holed red, out of bounds blue, others by how far away they end."""
-    result, ends = putts.outcome.result, putts.outcome.position
+    result = putts.outcome.result
+    ends = putts.outcome.position
     distance = np.hypot(ends[..., 0] - putts.start[0], ends[..., 1] - putts.start[1])
     image = np.repeat((0.95 - 0.6 * distance / max(float(distance.max()), 1e-9))[..., None], 3, axis=-1)
     image[result == Result.OUT_OF_BOUNDS] = 0.55, 0.72, 0.85

@@ -50,7 +50,8 @@ def record_policy(
     """
     started = time.perf_counter()
     path = check_path(output)
-    fps, size = check_fps(fps, path), check_size(size, "size")
+    fps = check_fps(fps, path)
+    size = check_size(size, "size")
     integer(episodes, "episodes", 1, 1000, "one has several putts.")
     integer(seed, "seed", 0, 2**63, "0 will do.")
     one_of(profile, RENDER_PROFILES, "profile")

@@ -91,7 +91,8 @@ def benchmark(
             policy = load_policy(name, seed)  # A new one: a set's scores do not depend on the sets before it.
             numbers = tqdm(range(first, first + levels), f"{difficulty}, {set_name}", leave=False, disable=None)
             env = MiniGolfEnv(PROCEDURAL_COURSE, **env_args)
-            results, references = [], []
+            results: list[EpisodeResult] = []
+            references: list[int] = []
             for level in numbers:
                 env.reset(options={"level": level})
                 references.append(search_strokes(env))

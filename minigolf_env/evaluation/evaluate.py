@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -92,27 +92,26 @@ def evaluate(
         ValueError: an argument is invalid.
         RenderingError: ``watch`` is True and there is no display.
     """
+    # Check the arguments.
     if episodes < 1:
         raise ValueError(f"episodes: expected at least 1, received {episodes}.")
     if first_seed < 0:
         raise ValueError(f"first_seed: expected at least 0, received {first_seed}.")
-    env_args: dict[str, Any] = {
-        "observation": policy.observation,
-        "max_strokes": max_strokes,
-        "putt_noise": putt_noise,
-    }
+    env_args: dict[str, Any] = {"max_strokes": max_strokes, "putt_noise": putt_noise}
+    env_args["observation"] = policy.observation
     if course == PROCEDURAL_COURSE:
         difficulty = one_of(DIFFICULTY_NAMES[0] if difficulty is None else difficulty, DIFFICULTY_NAMES, "difficulty")
         env_args |= {"difficulty": difficulty, "tee": "fixed"}
     elif difficulty is not None:
         raise ValueError(f"difficulty: expected with course={PROCEDURAL_COURSE!r} only, received {difficulty!r}.")
+    # Play the episodes.
     starts = [_EpisodeStart.of(course, first_seed, k) for k in range(episodes)]
     if isinstance(policy, BatchPolicy) and not watch:
         results = _run_batches(policy, course, starts, env_args)
     else:
         progress = tqdm(starts, f"{name} plays", leave=False, disable=quiet or None)
-        with contextlib.closing(MiniGolfEnv(course, "human" if watch else None, **env_args)) as env:
-            results = [run_episode(env, policy, *start) for start in progress]
+        results = _run_one_by_one(policy, course, progress, watch, env_args)
+    # Summarize the results.
     strokes, holed = (np.array(column) for column in zip(*results, strict=True))
     num_aces = int((holed & (strokes == 1)).sum())
     return EvaluationResult(
@@ -148,6 +147,13 @@ class _EpisodeStart(NamedTuple):
         if course == PROCEDURAL_COURSE:
             return _EpisodeStart(seed, {LevelSampler.index_name: seed})
         return _EpisodeStart(seed, round_reset_options(course, episode))
+
+
+def _run_one_by_one(
+    policy: Policy, course: str, starts: Iterable[_EpisodeStart], watch: bool, env_args: dict[str, Any]
+) -> list[EpisodeResult]:
+    with contextlib.closing(MiniGolfEnv(course, "human" if watch else None, **env_args)) as env:
+        return [run_episode(env, policy, *start) for start in starts]
 
 
 def _run_batches(

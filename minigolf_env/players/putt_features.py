@@ -58,7 +58,7 @@ MAX_SEGMENT_LENGTH = 12.0
 """Longest segment, m: a line that is almost parallel to the wall of the ray next to it does not hit that wall."""
 
 UNCERTAIN_SEGMENT_RANGE = 8.0
-"""How far along a segment that is not exact the cup is looked for, m."""
+"""Length along which a segment that is not exact is searched for the cup, m."""
 
 NUM_FEATURES = 20 + 14 * NUM_SEGMENTS
 """Number of features of a putt."""
@@ -140,7 +140,8 @@ def trace_lines(bounce_rays: Array, directions: Array) -> list[PathSegment]:
     matches_neighbor = np.ones(directions.shape, np.bool_)
     segments = []
     for ray, across, neighbor in zip(*(np.moveaxis(rays, 2, 0) for rays in chosen), strict=True):
-        end, normal = ray[..., :2], ray[..., 2:4]
+        end = ray[..., :2]
+        normal = ray[..., 2:4]
         # Find where the line hits the ray's wall. A line without a wall is as long as the ray.
         approach = (direction * normal).sum(-1)
         hits = approach < -1e-3
