@@ -23,7 +23,7 @@ help: ## list the commands
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "make %-16s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
 train: $(INSTALLED) ## train the PPO sample agent
-	$(BIN)/python -m agents.train_ppo --seeds 3 $(ARGS)
+	$(BIN)/python -m agents.train_ppo --max-runs 3 $(ARGS)
 
 test: $(INSTALLED) ## run the tests
 	$(BIN)/python -m pytest -n $(WORKERS) $(ARGS)

@@ -3,9 +3,9 @@
 import importlib.util
 import sys
 
-NEEDED = ("stable_baselines3", "torch", "tensorboard")
+REQUIRED_PACKAGES = ("stable_baselines3", "torch", "tensorboard")
 
-if MISSING := [name for name in NEEDED if importlib.util.find_spec(name) is None]:
-    SAID = f'{", ".join(MISSING)}: not installed; pip install -c constraints.txt -e ".[agents]"'
-    # Python's name for a program while `python -m` looks for it: there a line says all, elsewhere an error is wanted.
-    raise SystemExit(SAID) if sys.argv[:1] == ["-m"] else ImportError(SAID)
+if MISSING_PACKAGES := [name for name in REQUIRED_PACKAGES if importlib.util.find_spec(name) is None]:
+    INSTALL_MESSAGE = f'{", ".join(MISSING_PACKAGES)}: not installed; pip install -c constraints.txt -e ".[agents]"'
+    # While `python -m` looks for a program, sys.argv[0] is "-m": a user gets one line. An import gets an exception.
+    raise SystemExit(INSTALL_MESSAGE) if sys.argv[:1] == ["-m"] else ImportError(INSTALL_MESSAGE)

@@ -1,4 +1,4 @@
-"""Ray, on this machine alone or on a cluster that is already running (docs/scaling.md)."""
+"""Connection to Ray, on this machine alone or on a running cluster (docs/scaling.md)."""
 
 from __future__ import annotations
 
@@ -7,34 +7,34 @@ import os
 import socket
 from typing import Any
 
-ONE_CORE = {"env_vars": {"NUMBA_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}}
-"""A process plays on the one core that Ray counts for it: as many processes as cores, and no more threads than that."""
+SINGLE_CORE_ENV = {"env_vars": {"NUMBA_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}}
+"""Runtime environment of the workers: one thread each, as Ray starts one worker for each core."""
 
-REACHED = 10.0
-"""Seconds in which a cluster has to answer: Ray itself would try again for many minutes."""
+CONNECT_TIMEOUT = 10.0
+"""Time in which a cluster has to answer, s; Ray itself would keep trying for many minutes."""
 
 
 def connect(address: str | None = None, num_cpus: int | None = None) -> Any:
-    """Join the cluster at an address, or start Ray on this machine alone; return the module ray.
+    """Join the cluster at an address, or start Ray on this machine alone; return the module ``ray``.
 
     Args:
-        address: "auto" on a node of the cluster, or HOST:PORT; None starts Ray here, where only this machine hears it.
-        num_cpus: cores that a Ray started here uses; None: all.
+        address: "auto" on a node of the cluster, or HOST:PORT; None starts Ray here, reachable from this machine only.
+        num_cpus: number of cores for a Ray started here; None uses all.
 
     Raises:
         SystemExit: Ray is not installed, or there is no cluster at the address.
     """
     ray = import_ray(address)
-    logging.getLogger("ray.rllib").setLevel(logging.ERROR)  # Its warnings are about its own past and future versions.
+    logging.getLogger("ray.rllib").setLevel(logging.ERROR)  # RLlib's warnings are about its own deprecations.
     quiet = {"logging_level": logging.ERROR, "log_to_driver": False, "ignore_reinit_error": True}
     if address is None:
-        ray.init("local", num_cpus=num_cpus, include_dashboard=False, runtime_env=ONE_CORE, **quiet)
+        ray.init("local", num_cpus=num_cpus, include_dashboard=False, runtime_env=SINGLE_CORE_ENV, **quiet)
         return ray
     try:
         if address != "auto":
             host, _, port = address.rpartition(":")
-            socket.create_connection((host, int(port)), REACHED).close()
-        ray.init(address=address, runtime_env=ONE_CORE, **quiet)
+            socket.create_connection((host, int(port)), CONNECT_TIMEOUT).close()
+        ray.init(address=address, runtime_env=SINGLE_CORE_ENV, **quiet)
     except (OSError, ValueError) as error:
         reason = str(error).splitlines()[0]
         raise SystemExit(
@@ -44,13 +44,13 @@ def connect(address: str | None = None, num_cpus: int | None = None) -> Any:
 
 
 def import_ray(address: str | None) -> Any:
-    """Return the module ray, ready for a cluster at an address or, without one, for this machine alone.
+    """Import Ray, configured for a cluster at an address or, without one, for this machine alone.
 
     Raises:
-        SystemExit: it is not installed.
+        SystemExit: Ray is not installed.
     """
-    # Ray looks here when it is imported: it tells its makers how it is used unless told not to, and it listens to the
-    # whole network unless it takes itself to be on a system where it knows no clusters.
+    # Ray reads these when it is imported. The first turns off its usage reports. The second makes it listen to this
+    # machine alone: without it Ray listens to the whole network, except on systems where it supports no clusters.
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
     if address is None:
         os.environ.setdefault("RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER", "0")
@@ -58,7 +58,7 @@ def import_ray(address: str | None) -> Any:
         import ray
     except ImportError:
         raise SystemExit(
-            "Ray is missing. It wants a virtual environment of its own, and in it: "
+            "Ray is missing. It needs a virtual environment of its own, and in it: "
             'pip install -c constraints-distributed.txt -e ".[agents,distributed]"'
         ) from None
     return ray

@@ -1,7 +1,8 @@
-"""Make the best model of a training run the one that ships with the package: "ppo", or "generalist".
+"""Turn the best model of a training run into a pretrained model of the package: "ppo", or "generalist".
 
-``python -m agents.release_model runs/dogleg-1`` writes minigolf_env/players/pretrained/dogleg.npz and its card,
-dogleg.json: how it was trained, what it scores, and its SHA-256. Of a run of train_generalist it is procedural.npz.
+``python -m agents.release_model runs/dogleg-1`` writes minigolf_env/players/pretrained/dogleg.npz and its model card
+dogleg.json: training command, scores and SHA-256. For a run of train_generalist the files are procedural.npz and
+procedural.json.
 """
 
 from __future__ import annotations
@@ -14,68 +15,80 @@ from typing import Annotated, Any
 import numpy as np
 import tyro
 
-from agents import runs, train_generalist, train_ppo
+from agents.train_generalist import GeneralistConfig
+from agents.train_ppo import PPOConfig
+from agents.training_run import TrainConfig, read_config
 from minigolf_env._atomic_io import atomic_write
 from minigolf_env.evaluation.evaluate import evaluate
 from minigolf_env.evaluation.report import print_evaluations, write_json_report
 from minigolf_env.players.model_files import load_model, save_model
 from minigolf_env.players.policies import PRETRAINED_FOLDER, PRETRAINED_MODELS, ModelPolicy
 
-LARGEST = 200_000
-"""What a model may weigh that everyone installs, bytes."""
+MAX_MODEL_BYTES = 200_000
+"""Maximum size of a model's file, as everyone who installs the package downloads it."""
 
 
 @dataclass(frozen=True)
-class Args:
-    """The command line."""
+class ReleaseConfig:
+    """Command-line arguments of this program."""
 
     run: Annotated[Path, tyro.conf.Positional]
-    """The folder of a training run."""
+    """Run folder."""
     folder: Path = PRETRAINED_FOLDER
-    """Where the model and its card go."""
-    episodes: int = 1000
-    noise: tuple[float, float] = (0.5, 0.015)
-    """The second score on the card is under this noise: standard deviations of direction (degrees) and speed."""
+    """Folder for the model and its card."""
+    n_episodes: int = 1000
+    """Number of episodes of each score on the card."""
+    putt_noise: tuple[float, float] = (0.5, 0.015)
+    """Putt noise of the card's second score: standard deviations of direction (degrees) and speed (fraction of it)."""
 
 
-def command(name: str, args: runs.Run) -> str:
-    """Return the command line of the program train_NAME that trains with some arguments."""
+def training_command(name: str, config: TrainConfig) -> str:
+    """Return the command line of program train_NAME for a configuration, without arguments that have their default."""
     words = [f"python -m agents.train_{name}"]
-    for field in dataclasses.fields(args):
-        value, flag = getattr(args, field.name), field.name.replace("_", "-")
+    for field in dataclasses.fields(config):
+        value = getattr(config, field.name)
+        option = field.name.replace("_", "-")
         if value == field.default or field.name in ("out", "resume"):
             continue
         if isinstance(value, bool):
-            words.append(f"--{flag}" if value else f"--no-{flag}")
+            words.append(f"--{option}" if value else f"--no-{option}")
         else:
-            words.append(f"--{flag} " + " ".join(map(str, value if isinstance(value, tuple) else (value,))))
+            words.append(f"--{option} " + " ".join(map(str, value if isinstance(value, tuple) else (value,))))
     return " ".join(words)
 
 
-def main(args: Args) -> None:
+def main(config: ReleaseConfig) -> None:
     """Write the model and its card, and print its scores."""
-    judges = (args.run / "best.npz").is_file()
-    name = "generalist" if judges else "ppo"
-    trained: runs.Run = runs.read_args(train_generalist.Args if judges else train_ppo.Args, args.run)
-    file = args.folder / PRETRAINED_MODELS[name]
-    with atomic_write(file) as part:  # The model that shipped before stays until this one is scored.
-        # A judge, which has ten times the weights, is rounded.
-        model = load_model(args.run / ("best.npz" if judges else "best.zip"))
-        save_model(model, part, np.float16 if judges else np.float32)
-        size = part.stat().st_size
-        if size > LARGEST:
-            raise SystemExit(f"model: expected at most {LARGEST:,} bytes, received {size:,}; train a smaller network.")
-        policy = ModelPolicy(part)
-        noises: list[dict[str, Any]] = [{"putt_noise": (0.0, 0.0)}, {"putt_noise": args.noise}]
-        games = [{**game, **noise} for game in trained.games for noise in noises]
-        scores = [evaluate(policy, name, **game, episodes=args.episodes) for game in games]
+    is_generalist = (config.run / "best.npz").is_file()
+    name = "generalist" if is_generalist else "ppo"
+    run_config: TrainConfig = read_config(GeneralistConfig if is_generalist else PPOConfig, config.run)
+    model_path = config.folder / PRETRAINED_MODELS[name]
+
+    # Write the model to a temporary file: the present one stays until the new one is evaluated.
+    with atomic_write(model_path) as temporary_file:
+        model = load_model(config.run / ("best.npz" if is_generalist else "best.zip"))
+        # The generalist has ten times the weights, so it is stored in half precision.
+        save_model(model, temporary_file, np.float16 if is_generalist else np.float32)
+        size = temporary_file.stat().st_size
+        if size > MAX_MODEL_BYTES:
+            raise SystemExit(
+                f"model: expected at most {MAX_MODEL_BYTES:,} bytes, received {size:,}; train a smaller network."
+            )
+
+        # Evaluate it on each task, without putt noise and with it.
+        policy = ModelPolicy(temporary_file)
+        noises: list[dict[str, Any]] = [{"putt_noise": (0.0, 0.0)}, {"putt_noise": config.putt_noise}]
+        tasks = [{**task, **noise} for task in run_config.eval_tasks for noise in noises]
+        scores = [evaluate(policy, name, **task, episodes=config.n_episodes) for task in tasks]
+
+    # Print the scores and write the card.
     for score in scores:
         print_evaluations([score])
     write_json_report(
-        file.with_suffix(".json"),
+        model_path.with_suffix(".json"),
         "stable-baselines3",
         "torch",
-        command=command(name, trained),
+        command=training_command(name, run_config),
         observation=policy.observation,
         sha256=policy.sha256,
         scores=[dataclasses.asdict(score) for score in scores],
@@ -83,4 +96,4 @@ def main(args: Args) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(Args, description=__doc__))
+    main(tyro.cli(ReleaseConfig, description=__doc__))

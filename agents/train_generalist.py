@@ -1,14 +1,16 @@
-"""Train one policy on many levels, from what a ball feels around it, and score it on levels it has never seen.
+"""Train a Q-function over putts on many generated levels, and evaluate it on held-out levels.
 
-A network learns to judge putts: from what a ball can foresee of a putt (minigolf_env/players/putt_features.py),
-whether it holes out,
-and how far it leaves to go if not. From each place many putts are tried, by ``what_if``: the one that it judges best,
-others near it, and others anywhere. One of them is played. The policy plays what it judges best of some hundred.
-That is regression, without a gradient of a policy: which of several ways to the cup is best may change from one level
-to the next, and a judge of putts can say so where the one mean of a Gaussian ends between them.
+The network predicts from the features of a putt (minigolf_env/players/putt_features.py) the probability that it holes
+out, and the strokes that remain if it does not. The policy plays the putt with the fewest expected strokes among some
+hundred candidates.
 
-``python -m agents.train_generalist``; then ``minigolf benchmark --policy runs/procedural-1/best.npz`` compares it with
-search on fixed sets of levels. docs/training.md says what it reaches and what else was tried.
+Training is Monte-Carlo regression on single putts (a contextual bandit): from each ball position ``what_if`` simulates
+many candidates, namely the greedy one, others close to it, and random ones; all of them go into the replay buffer, and
+one of them is played. There is no policy gradient: which of several ways to the cup is best changes from level to
+level, and a Q-function can represent several good ways, where the mean of a Gaussian policy ends between them.
+
+``python -m agents.train_generalist`` trains; ``minigolf benchmark --policy runs/procedural-1/best.npz`` compares the
+model with search on fixed sets of levels. docs/training.md says what it reaches.
 """
 
 from __future__ import annotations
@@ -29,7 +31,8 @@ from rich.progress import MofNCompleteColumn, Progress
 from stable_baselines3.common.logger import configure
 from torch.nn.functional import binary_cross_entropy_with_logits, mse_loss, softplus
 
-from agents import runs
+from agents.run_evaluation import EVALUATION_METRICS, EvaluationHistory, finish_run
+from agents.training_run import CONSOLE, TrainConfig, make_vector_env, save_on_interrupt, start_run
 from minigolf_env._atomic_io import atomic_write
 from minigolf_env.courses.procedural import PROCEDURAL_COURSE
 from minigolf_env.envs.rewards import shaping_potential
@@ -44,251 +47,319 @@ from minigolf_env.players.putt_value_model import PuttValueModel
 
 Array = NDArray[np.float32]
 
-ANYWHERE = (0.4, MAX_ROLL)
-"""Least and largest roll of putts tried anywhere, m."""
+RANDOM_ROLL_RANGE = (0.4, MAX_ROLL)
+"""Range of the roll of random candidates, m; log-uniform."""
 
-NEAR = ((0.003, 0.3), (0.01, 0.5))
-"""Least and largest standard deviation, of direction (radians) and of the roll's logarithm, of putts near the best."""
+DIRECTION_STD_RANGE = (0.003, 0.3)
+"""Range of the standard deviation of the direction of candidates close to the greedy one, radians; log-uniform."""
+
+LOG_ROLL_STD_RANGE = (0.01, 0.5)
+"""Range of the standard deviation of the logarithm of their roll; log-uniform."""
 
 
 @dataclass(frozen=True)
-class Args(runs.Run):
-    """The command line."""
+class GeneralistConfig(TrainConfig):
+    """Command-line arguments of this program."""
 
     course: str = PROCEDURAL_COURSE
     difficulties: tuple[str, ...] = ("easy", "medium", "medium")
-    """Of the levels, learned as often as they are named, and scored."""
+    """Difficulties of the levels; one that is named twice has twice as many training environments."""
     num_levels: int | None = 500_000
     observation: str = "bounce_rays"
-    putts: int = 2_000_000
-    """Putts to try."""
-    num_envs: int = 96
-    """Of each difficulty, as often as it is named."""
-    tries: int = 32
-    """Putts tried from each place; one of them is played."""
-    greedy: float = 0.6
-    """How often that is the one judged best."""
+    total_timesteps: int = 2_000_000
+    """Number of candidate putts to simulate; a time step of this program is a candidate."""
+    n_envs: int = 96
+    """Number of environments for each entry of ``difficulties``."""
+    num_candidates: int = 32
+    """Number of putts simulated from each ball position; one of them is played."""
+    greedy_prob: float = 0.6
+    """Probability that the greedy candidate is the one played; otherwise it is a random one of the candidates."""
 
-    memory: int = 2_000_000
-    """Putts learned from: the last ones."""
-    reuse: float = 16.0
-    """How often a putt is learned from, on average."""
+    buffer_size: int = 2_000_000
+    """Capacity of the replay buffer, putts."""
+    replay_ratio: float = 16.0
+    """Average number of times that a putt is sampled from the replay buffer."""
     batch_size: int = 2048
     learning_rate: float = 2e-3
-    """At the start; falls linearly to 0."""
-    hidden: tuple[int, ...] = (192, 192, 192)
+    """Initial learning rate; falls linearly to 0."""
+    net_arch: tuple[int, ...] = (192, 192, 192)
+    """Sizes of the hidden layers."""
 
-    check_every: int = 500_000
-    check_episodes: int = 200
-    check_seed: int = 500_000
-    final_episodes: int = 200
-
-    @property
-    def games(self) -> list[dict[str, Any]]:
-        """One for each difficulty."""
-        return [game for k, game in enumerate(self.learned) if game not in self.learned[:k]]
+    eval_freq: int = 500_000
+    n_eval_episodes: int = 200
+    eval_seed: int = 500_000
+    n_test_episodes: int = 200
 
     @property
-    def learned(self) -> list[dict[str, Any]]:
-        """One for each time that a difficulty is named."""
+    def training_tasks(self) -> list[dict[str, Any]]:
+        """Tasks of the training environments: one for each entry of ``difficulties``."""
         if self.course != PROCEDURAL_COURSE:
-            return [self.game]
-        return [{**self.game, "difficulty": difficulty} for difficulty in self.difficulties]
+            return [self.task]
+        return [{**self.task, "difficulty": difficulty} for difficulty in self.difficulties]
+
+    @property
+    def eval_tasks(self) -> list[dict[str, Any]]:
+        """Tasks of the evaluations: one for each different difficulty."""
+        tasks = self.training_tasks
+        return [task for k, task in enumerate(tasks) if task not in tasks[:k]]
 
 
-class Memory:
-    """The last putts, and what became of them.
-
-    Args:
-        size: how many.
-        rng: draws those to learn from.
-    """
-
-    def __init__(self, size: int, rng: np.random.Generator) -> None:
-        self.sights, self.targets = np.empty((size, NUM_FEATURES), np.float32), np.empty((size, 2), np.float32)
-        self.rng, self.added = rng, 0
-
-    def add(self, sights: Array, targets: Array) -> None:
-        """Take in putts (N, NUM_FEATURES) and what became of them (N, 2), in place of the oldest."""
-        rows = (self.added + np.arange(len(sights))) % len(self.sights)
-        self.sights[rows], self.targets[rows] = sights, targets
-        self.added += len(sights)
-
-    def draw(self, number: int) -> tuple[torch.Tensor, torch.Tensor]:
-        """Return some putts, every second one mirrored, and what became of them."""
-        rows = self.rng.integers(min(self.added, len(self.sights)), size=number)
-        sights = self.sights[rows]
-        sights[::2] *= REFLECTION_SIGNS
-        return torch.from_numpy(sights), torch.from_numpy(self.targets[rows])
-
-
-class Training:
-    """The learner: plays, learns, saves.
+class ReplayBuffer:
+    """Features and outcomes of the latest putts.
 
     Args:
-        args: of the run.
-        folder: of the run; if it has a checkpoint, training goes on from there, with a new memory.
+        capacity: number of putts kept.
+        rng: random generator of ``sample``.
     """
 
-    def __init__(self, args: Args, folder: Path) -> None:
-        torch.manual_seed(args.seed)
-        self.args, self.folder, self.progress = args, folder, runs.Progress(args, folder)
-        sizes = (NUM_FEATURES, *args.hidden, 2)
-        parts = [(torch.nn.Linear(*pair), torch.nn.ReLU()) for pair in itertools.pairwise(sizes)]
-        self.net = torch.nn.Sequential(*list(itertools.chain(*parts))[:-1])
-        self.optimizer = torch.optim.AdamW(self.net.parameters(), args.learning_rate, weight_decay=1e-3)
-        self.putts = 0
-        if (folder / "checkpoint.pt").is_file():
-            check_torch_file((folder / "checkpoint.pt").read_bytes())
-            stored = torch.load(folder / "checkpoint.pt", weights_only=True)
-            self.net.load_state_dict(stored["net"])
-            self.optimizer.load_state_dict(stored["optimizer"])
-            self.putts = stored["putts"]
-        elif args.start is not None:
-            model = load_model(args.start)
-            if not isinstance(model, PuttValueModel):
-                raise SystemExit(f"start: expected a value model of putts, received a policy in {args.start}.")
-            self.begin_with(model)
-        self.saved_at = self.putts
-        # One to play by and one to learn by, which goes on at the same time. Resumed, not the same levels again.
-        self.rng, learning = np.random.default_rng((args.seed, self.putts)).spawn(2)
-        self.memory = Memory(args.memory, learning)
-        self.batches = [runs.make_batch(args, game) for game in args.learned]
-        self.seen = [batch.reset(seed=int(self.rng.integers(2**31)))[0] for batch in self.batches]
+    def __init__(self, capacity: int, rng: np.random.Generator) -> None:
+        self._features = np.empty((capacity, NUM_FEATURES), np.float32)
+        self._targets = np.empty((capacity, 2), np.float32)
+        self._rng = rng
+        self._num_added = 0
+
+    def add(self, features: Array, targets: Array) -> None:
+        """Add the features (N, NUMBERS) and the targets (N, 2) of putts, in place of the oldest ones."""
+        rows = (self._num_added + np.arange(len(features))) % len(self._features)
+        self._features[rows] = features
+        self._targets[rows] = targets
+        self._num_added += len(features)
+
+    def sample(self, batch_size: int) -> tuple[torch.Tensor, torch.Tensor]:
+        """Return features and targets of random putts; every second putt is mirrored left to right."""
+        rows = self._rng.integers(min(self._num_added, len(self._features)), size=batch_size)
+        features = self._features[rows]
+        features[::2] *= REFLECTION_SIGNS
+        return torch.from_numpy(features), torch.from_numpy(self._targets[rows])
+
+
+class QLearner:
+    """The Q-network with its optimizer, replay buffer and environments.
+
+    Args:
+        config: configuration of the run.
+        folder: run folder; if it has a checkpoint, training resumes there, with an empty replay buffer.
+    """
+
+    def __init__(self, config: GeneralistConfig, folder: Path) -> None:
+        torch.manual_seed(config.seed)
+        self.config = config
+        self.folder = folder
+        self.history = EvaluationHistory(config, folder)
+        self.net = make_mlp((NUM_FEATURES, *config.net_arch, 2))
+        self.optimizer = torch.optim.AdamW(self.net.parameters(), config.learning_rate, weight_decay=1e-3)
+        self.num_timesteps = 0
+        if self.checkpoint_path.is_file():
+            self.load_checkpoint()
+        elif config.init_weights is not None:
+            self.load_weights(config.init_weights)
+        self.last_saved = self.num_timesteps
+        # Acting and learning run at the same time: each has a generator. A resumed run draws other levels.
+        self.rng, buffer_rng = np.random.default_rng((config.seed, self.num_timesteps)).spawn(2)
+        self.buffer = ReplayBuffer(config.buffer_size, buffer_rng)
+        self.envs: list[Any] = [make_vector_env(config, task) for task in config.training_tasks]
+        self.observations = [envs.reset(seed=int(self.rng.integers(2**31)))[0] for envs in self.envs]
         self.logger = configure(str(folder / "log"), ["tensorboard"])
 
     @property
-    def judge(self) -> PuttValueModel:
-        """The network as it is now, for numpy."""
+    def checkpoint_path(self) -> Path:
+        """File with weights, optimizer state and step count."""
+        return self.folder / "checkpoint.pt"
+
+    @property
+    def q_function(self) -> PuttValueModel:
+        """Copy of the Q-network as it is now, for numpy."""
         linear = [layer for layer in self.net if isinstance(layer, torch.nn.Linear)]
         arrays = ((layer.weight.detach().numpy().T, layer.bias.detach().numpy()) for layer in linear)
         layers = tuple(Layer(np.array(weights, order="C"), bias.copy()) for weights, bias in arrays)
         return PuttValueModel(MLP(layers, "relu"))
 
-    def begin_with(self, judge: PuttValueModel) -> None:
-        """Take over the weights of a model."""
-        sizes = [[layer.weights.shape for layer in model.mlp.layers] for model in (self.judge, judge)]
-        if sizes[0] != sizes[1]:
-            raise SystemExit(f"start: expected a model with layers {sizes[0]}, received {sizes[1]}; set --hidden.")
-        arrays = [array for layer in judge.mlp.layers for array in (layer.weights.T, layer.bias)]
-        for weights, array in zip(self.net.parameters(), arrays, strict=True):
-            weights.data = torch.tensor(array)
+    def load_checkpoint(self) -> None:
+        """Load weights, optimizer state and step count from the run folder."""
+        check_torch_file(self.checkpoint_path.read_bytes())
+        stored = torch.load(self.checkpoint_path, weights_only=True)
+        self.net.load_state_dict(stored["net"])
+        self.optimizer.load_state_dict(stored["optimizer"])
+        self.num_timesteps = stored["num_timesteps"]
 
-    def run(self) -> None:
-        """Play and learn until the putts are tried. What is learned from was played while the last was learned."""
-        bar = Progress(*Progress.get_default_columns(), MofNCompleteColumn(), console=runs.CONSOLE)
-        with ThreadPoolExecutor(1) as pool, bar:
-            task = bar.add_task("putts", total=self.args.putts, completed=self.putts)
-            played = pool.submit(self.play, self.judge)
-            while self.putts < self.args.putts:
-                sights, targets = played.result()
-                self.memory.add(sights, targets)
-                played = pool.submit(self.play, self.judge)
-                self.learn(round(len(sights) * self.args.reuse / self.args.batch_size))
-                self.putts += len(sights)
-                bar.update(task, completed=self.putts)
-                if self.putts - self.saved_at >= self.args.check_every:
-                    self.check()
+    def load_weights(self, path: Path) -> None:
+        """Copy the weights of a model file.
 
-    def play(self, judge: PuttValueModel) -> tuple[Array, Array]:
-        """Try putts from where the balls lie, and play one of each ball's; return sights, and what became of them.
-
-        That is whether a putt holed out, and the strokes that it leaves if not, as shaping guesses them.
+        Raises:
+            SystemExit: the file holds another kind of model or has other layer sizes.
         """
-        played = [self.play_batch(judge, k) for k in range(len(self.batches))]
-        sights, targets = (np.concatenate(arrays) for arrays in zip(*played, strict=True))
-        return sights, targets
+        model = load_model(path)
+        if not isinstance(model, PuttValueModel):
+            raise SystemExit(f"init_weights: expected a putt value model, received a policy in {path}.")
+        expected = [layer.weights.shape for layer in self.q_function.mlp.layers]
+        received = [layer.weights.shape for layer in model.mlp.layers]
+        if expected != received:
+            raise SystemExit(
+                f"init_weights: expected a model with layers {expected}, received {received}; set --net-arch."
+            )
+        arrays = [array for layer in model.mlp.layers for array in (layer.weights.T, layer.bias)]
+        for parameter, array in zip(self.net.parameters(), arrays, strict=True):
+            parameter.data = torch.tensor(array)
 
-    def play_batch(self, judge: PuttValueModel, k: int) -> tuple[Array, Array]:
-        """Do so in one of the batches."""
-        args, envs, rng, seen = self.args, self.batches[k].unwrapped, self.rng, self.seen[k]
-        directions, rolls = self.around(optimize_putt(seen, judge.expected_strokes, TRAINING_PUTT_GRID, rng))
-        outcome = envs.what_if(putt_actions(*self.disturb(directions, rolls)))  # type: ignore[attr-defined]
-        tasks: TaskBatch = envs.task_batch  # type: ignore[attr-defined]
-        left = -shaping_potential(tasks, outcome.position.swapaxes(0, 1)).T
-        rows, tries = np.arange(len(seen)), rng.integers(args.tries, size=len(seen))
-        played = rows, np.where(rng.random(len(seen)) < args.greedy, 0, tries)
-        self.seen[k] = envs.step(putt_actions(directions[played], rolls[played]))[0]
-        sights = putt_features(seen, directions, rolls[..., None])
-        return sights.reshape(-1, NUM_FEATURES), np.stack([outcome.holed, left], -1, dtype=np.float32).reshape(-1, 2)
+    def learn(self) -> None:
+        """Collect putts and update the network until ``total_timesteps`` candidates have been simulated.
 
-    def around(self, chosen: BestPutts) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return directions and rolls (N, tries) to try: the best putt's, then half near it, the rest anywhere."""
-        shape, rng = (len(chosen.roll), self.args.tries), self.rng
-        spread, push = (log_uniform(rng, between, shape) * rng.normal(size=shape) for between in NEAR)
-        order = np.broadcast_to(np.arange(self.args.tries), shape)
-        near = order <= self.args.tries // 2
-        directions = chosen.direction[:, None] + spread * (order > 0)
-        rolls = np.clip(chosen.roll[:, None] * np.exp(push * (order > 0)), MIN_ROLL, MAX_ROLL)
-        anywhere = log_uniform(rng, ANYWHERE, shape)
-        return np.where(near, directions, rng.uniform(0.0, 2.0 * np.pi, shape)), np.where(near, rolls, anywhere)
+        A second thread collects the next putts while the network learns from the ones before.
+        """
+        config = self.config
+        bar = Progress(*Progress.get_default_columns(), MofNCompleteColumn(), console=CONSOLE)
+        with ThreadPoolExecutor(1) as executor, bar:
+            bar_task = bar.add_task("time steps", total=config.total_timesteps, completed=self.num_timesteps)
+            collected = executor.submit(self.collect, self.q_function)
+            while self.num_timesteps < config.total_timesteps:
+                features, targets = collected.result()
+                self.buffer.add(features, targets)
+                collected = executor.submit(self.collect, self.q_function)
+                self.update(round(len(features) * config.replay_ratio / config.batch_size))
+                self.num_timesteps += len(features)
+                bar.update(bar_task, completed=self.num_timesteps)
+                if self.num_timesteps - self.last_saved >= config.eval_freq:
+                    self.save_and_evaluate()
 
-    def disturb(self, directions: NDArray[Any], rolls: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
-        """Return putts as ``putt_noise`` disturbs them, which ``what_if`` does not."""
-        degrees, share = self.args.putt_noise
-        turn, push = self.rng.normal(size=(2, *rolls.shape))
-        return directions + np.radians(degrees) * turn, rolls * np.square(np.maximum(0.0, 1.0 + share * push))
+    def collect(self, q_function: PuttValueModel) -> tuple[Array, Array]:
+        """Simulate candidates from all balls and play one of each ball's.
 
-    def learn(self, updates: int) -> None:
-        """Take some steps down the gradient."""
-        for group in self.optimizer.param_groups:
-            group["lr"] = self.args.learning_rate * max(0.0, 1.0 - self.putts / self.args.putts)
-        for _ in range(updates):
-            sights, targets = self.memory.draw(self.args.batch_size)
-            (logit, after), (holed, left) = self.net(sights).T, targets.T
-            missed = binary_cross_entropy_with_logits(logit, holed)
-            misjudged = mse_loss((1.0 - holed) * softplus(after), (1.0 - holed) * left)
-            self.optimizer.zero_grad()
-            torch.autograd.backward(missed + misjudged)
-            self.optimizer.step()
-            self.logger.record_mean("loss/holed", missed.item())
-            self.logger.record_mean("loss/left", misjudged.item())
+        Returns:
+            The features (N, NUMBERS) of all candidates and their targets (N, 2): whether the putt holes out, and the
+            strokes that remain if it does not, as the potential of the shaped reward estimates them.
+        """
+        parts = [self.collect_from_batch(q_function, k) for k in range(len(self.envs))]
+        features, targets = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
+        return features, targets
 
-    def save(self) -> None:
-        """Write the checkpoint: as a model that plays, and what else it takes to go on."""
-        state = {"net": self.net.state_dict(), "optimizer": self.optimizer.state_dict(), "putts": self.putts}
-        with atomic_write(self.folder / "checkpoint.pt") as part:
-            torch.save(state, part)
-        self.keep("checkpoint.npz")
+    def collect_from_batch(self, q_function: PuttValueModel, k: int) -> tuple[Array, Array]:
+        """Do the same in batch ``k`` of the environments."""
+        config, rng = self.config, self.rng
+        envs = self.envs[k].unwrapped
+        observations = self.observations[k]
 
-    def keep(self, name: str) -> None:
-        """Write the model that plays under a name."""
-        with atomic_write(self.folder / name) as part:
-            save_model(self.judge, part)
-
-    def check(self) -> None:
-        """Save, score, and keep the model if it is the best so far."""
-        self.saved_at = self.putts
-        self.save()
-        policy = ModelPolicy(self.folder / "checkpoint.npz")
-        for name, value in self.progress.score(policy, self.putts, lambda: self.keep("best.npz")).items():
-            self.logger.record(f"eval/{name}", value)
-        self.logger.dump(self.putts)
-
-
-def log_uniform(rng: np.random.Generator, between: tuple[float, float], shape: tuple[int, ...]) -> NDArray[np.float64]:
-    """Return numbers whose logarithms are spread evenly."""
-    return np.exp(rng.uniform(math.log(between[0]), math.log(between[1]), shape))
-
-
-def main(args: Args) -> list[EvaluationResult]:
-    """Train, score, print the tables."""
-    began = time.monotonic()
-    if args.observation != "bounce_rays" or args.reward != "shaped":
-        raise SystemExit(
-            f"expected observation bounce_rays and reward shaped, received {args.observation} and {args.reward}."
+        # Simulate the candidates.
+        directions, rolls = self.propose_candidates(
+            optimize_putt(observations, q_function.expected_strokes, TRAINING_PUTT_GRID, rng)
         )
-    if args.difficulty is not None:
-        raise SystemExit(f"difficulty: expected none, received {args.difficulty!r}; give --difficulties, one or more.")
-    args, folder = runs.begin(args)
-    torch.set_num_threads(1)  # The network is tiny, and another thread plays.
-    training = Training(args, folder)
-    with runs.stoppable(folder, training.save):
-        training.run()
-        training.check()
-    with runs.stoppable(folder, lambda: None):
-        return runs.end(args, "generalist", ModelPolicy(folder / "best.npz"), folder / "best.npz", began)
+        outcome = envs.what_if(putt_actions(*self.add_putt_noise(directions, rolls)))
+        tasks: TaskBatch = envs.task_batch
+        remaining = -shaping_potential(tasks, outcome.position.swapaxes(0, 1)).T
+
+        # Play one candidate of each ball: the greedy one, which is the first, or a random one.
+        candidates = rng.integers(config.num_candidates, size=len(observations))
+        is_greedy = rng.random(len(observations)) < config.greedy_prob
+        played = np.arange(len(observations)), np.where(is_greedy, 0, candidates)
+        self.observations[k] = envs.step(putt_actions(directions[played], rolls[played]))[0]
+
+        features = putt_features(observations, directions, rolls[..., None])
+        targets = np.stack([outcome.holed, remaining], -1, dtype=np.float32)
+        return features.reshape(-1, NUM_FEATURES), targets.reshape(-1, 2)
+
+    def propose_candidates(self, greedy: BestPutts) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return directions and rolls (N, num_candidates): the greedy putt, then half close to it, the rest random."""
+        rng = self.rng
+        shape = len(greedy.roll), self.config.num_candidates
+        direction_noise = log_uniform(rng, DIRECTION_STD_RANGE, shape) * rng.normal(size=shape)
+        log_roll_noise = log_uniform(rng, LOG_ROLL_STD_RANGE, shape) * rng.normal(size=shape)
+        index = np.broadcast_to(np.arange(self.config.num_candidates), shape)
+        is_close = index <= self.config.num_candidates // 2
+        directions = greedy.direction[:, None] + direction_noise * (index > 0)
+        rolls = np.clip(greedy.roll[:, None] * np.exp(log_roll_noise * (index > 0)), MIN_ROLL, MAX_ROLL)
+        random_rolls = log_uniform(rng, RANDOM_ROLL_RANGE, shape)
+        random_directions = rng.uniform(0.0, 2.0 * np.pi, shape)
+        return np.where(is_close, directions, random_directions), np.where(is_close, rolls, random_rolls)
+
+    def add_putt_noise(self, directions: NDArray[Any], rolls: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+        """Return putts with the noise of ``putt_noise``, which ``what_if`` does not add."""
+        degrees, speed_std = self.config.putt_noise
+        direction_noise, speed_noise = self.rng.normal(size=(2, *rolls.shape))
+        speed_factors = np.maximum(0.0, 1.0 + speed_std * speed_noise)
+        return directions + np.radians(degrees) * direction_noise, rolls * np.square(speed_factors)
+
+    def update(self, num_updates: int) -> None:
+        """Take gradient steps on batches from the replay buffer."""
+        config = self.config
+        for group in self.optimizer.param_groups:
+            group["lr"] = config.learning_rate * max(0.0, 1.0 - self.num_timesteps / config.total_timesteps)
+        for _ in range(num_updates):
+            features, targets = self.buffer.sample(config.batch_size)
+            holed_logit, remaining_raw = self.net(features).T
+            holed, remaining = targets.T
+            holed_loss = binary_cross_entropy_with_logits(holed_logit, holed)
+            remaining_loss = mse_loss((1.0 - holed) * softplus(remaining_raw), (1.0 - holed) * remaining)
+            self.optimizer.zero_grad()
+            torch.autograd.backward(holed_loss + remaining_loss)
+            self.optimizer.step()
+            self.logger.record_mean("loss/holed", holed_loss.item())
+            self.logger.record_mean("loss/remaining", remaining_loss.item())
+
+    def save_checkpoint(self) -> None:
+        """Write the checkpoint: the model for evaluation, and what training needs to resume."""
+        state = {
+            "net": self.net.state_dict(),
+            "optimizer": self.optimizer.state_dict(),
+            "num_timesteps": self.num_timesteps,
+        }
+        with atomic_write(self.checkpoint_path) as temporary_file:
+            torch.save(state, temporary_file)
+        self.save_model("checkpoint.npz")
+
+    def save_model(self, name: str) -> None:
+        """Write the model under a name in the run folder."""
+        with atomic_write(self.folder / name) as temporary_file:
+            save_model(self.q_function, temporary_file)
+
+    def save_and_evaluate(self) -> None:
+        """Write a checkpoint, evaluate it, and keep the model if it is the best so far."""
+        self.last_saved = self.num_timesteps
+        self.save_checkpoint()
+        row = self.history.evaluate(ModelPolicy(self.folder / "checkpoint.npz"), self.num_timesteps)
+        if row["strokes"] < self.history.best_strokes:
+            self.save_model("best.npz")
+        self.history.append(row)
+        for name in EVALUATION_METRICS:
+            self.logger.record(f"eval/{name}", row[name])
+        self.logger.dump(self.num_timesteps)
+
+
+def make_mlp(sizes: tuple[int, ...]) -> torch.nn.Sequential:
+    """Return a multilayer perceptron with ReLU between its layers."""
+    layers = [(torch.nn.Linear(*pair), torch.nn.ReLU()) for pair in itertools.pairwise(sizes)]
+    return torch.nn.Sequential(*list(itertools.chain(*layers))[:-1])
+
+
+def log_uniform(rng: np.random.Generator, bounds: tuple[float, float], shape: tuple[int, ...]) -> NDArray[np.float64]:
+    """Return random numbers whose logarithms are uniform."""
+    low, high = bounds
+    return np.exp(rng.uniform(math.log(low), math.log(high), shape))
+
+
+def main(config: GeneralistConfig) -> list[EvaluationResult]:
+    """Train one model, evaluate its best checkpoint, and print a closing table for each difficulty.
+
+    Raises:
+        SystemExit: an argument is invalid, or the run was interrupted; the message is one line.
+    """
+    started = time.monotonic()
+    if config.observation != "bounce_rays" or config.reward != "shaped":
+        raise SystemExit(
+            f"expected observation bounce_rays and reward shaped, received {config.observation} and {config.reward}."
+        )
+    if config.difficulty is not None:
+        raise SystemExit(
+            f"difficulty: expected none, received {config.difficulty!r}; give --difficulties, one or more."
+        )
+    config, folder = start_run(config)
+    torch.set_num_threads(1)  # The network is tiny, and the environments run in another thread.
+    learner = QLearner(config, folder)
+    with save_on_interrupt(folder, learner.save_checkpoint):
+        learner.learn()
+        learner.save_and_evaluate()
+    with save_on_interrupt(folder):
+        best_model = folder / "best.npz"
+        return finish_run(config, "generalist", ModelPolicy(best_model), best_model, started)
 
 
 if __name__ == "__main__":
-    main(tyro.cli(Args, description=__doc__))
+    main(tyro.cli(GeneralistConfig, description=__doc__))

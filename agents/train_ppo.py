@@ -1,79 +1,97 @@
 """Train stable-baselines3's PPO on a hole, and end with a table: random, search, PPO.
 
-``python -m agents.train_ppo`` takes about two minutes on two cores; ``--resume runs/dogleg-1`` goes on after an
-interruption; ``tensorboard --logdir runs`` shows how it went. What each setting is worth: docs/training.md.
+``python -m agents.train_ppo`` starts a run, ``--resume runs/dogleg-1`` resumes one after an interruption, and
+``tensorboard --logdir runs`` shows the learning curves. docs/training.md says which settings matter and why.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import contextlib
+import time
 from dataclasses import dataclass, replace
 from typing import Any, Literal, cast
 
 import torch
 import tyro
 from stable_baselines3 import PPO
-from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.callbacks import BaseCallback, ProgressBarCallback
 from stable_baselines3.common.utils import LinearSchedule
 from stable_baselines3.common.vec_env import VecMonitor
 
-from agents import runs
+from agents.run_evaluation import EvalCheckpointCallback, finish_run, load_best
+from agents.training_run import (
+    CONSOLE,
+    TrainConfig,
+    initialize_model,
+    make_sb3_envs,
+    save_on_interrupt,
+    start_run,
+)
 from minigolf_env.evaluation.evaluate import EvaluationResult
 
-ENOUGH = 0.1
-"""Mean strokes above search's with which a hole counts as learned."""
+MAX_STROKES_ABOVE_SEARCH = 0.1
+"""Largest difference of mean strokes between the agent and search with which a hole counts as learned."""
 
-ACTIVATIONS = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU}
+TORCH_ACTIVATIONS = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU}
 
 
 @dataclass(frozen=True)
-class Settings(runs.Run):
-    """What PPO is told, whoever's it is. Defaults are what worked best of what was tried."""
+class PPOHyperparameters(TrainConfig):
+    """Hyperparameters of PPO in stable-baselines3 and in RLlib; the defaults are the best ones found."""
 
     n_steps: int = 1
-    """Putts in each environment between two updates."""
+    """Number of putts in each environment between two updates."""
     batch_size: int = 256
     n_epochs: int = 6
     target_kl: float = 0.1
-    """How far an update may move the policy: it ends early then (RLlib: a penalty grows and shrinks accordingly)."""
+    """KL divergence beyond which an update ends early (in RLlib: target of the adaptive KL penalty)."""
     learning_rate: float = 2e-3
-    """At the start; falls linearly to 0."""
+    """Initial learning rate; falls linearly to 0."""
     gamma: float = 0.5
-    """The discount: with the shaped reward, a stroke's own part of it says nearly all."""
+    """Discount; the shaped reward already tells most of what a putt is worth."""
     gae_lambda: float = 0.5
     clip_range: float = 0.2
-    log_std: tuple[float, float] = (-1.9, -5.0)
-    """Log of the noise's standard deviation (shares of the top speed), first and, where it narrows on its way, last."""
-    hidden: tuple[int, ...] = (64, 64)
+    log_std_init: float = -1.9
+    """Initial logarithm of the action noise's standard deviation, in units of the top speed."""
+    log_std_final: float = -5.0
+    """Final value of that logarithm, where the noise follows a schedule."""
+    net_arch: tuple[int, ...] = (64, 64)
+    """Sizes of the hidden layers."""
+
+    def log_std_at(self, timesteps: int) -> float:
+        """Return the logarithm of the noise's standard deviation that the linear schedule has after some time steps."""
+        progress = min(1.0, timesteps / self.total_timesteps)
+        return self.log_std_init + progress * (self.log_std_final - self.log_std_init)
 
 
 @dataclass(frozen=True)
-class Args(Settings):
-    """The command line."""
+class PPOConfig(PPOHyperparameters):
+    """Command-line arguments of this program."""
 
-    seeds: int = 1
-    """Runs at most, each with the next seed, until one comes within 0.1 strokes of search: some may get stuck."""
-    anneal: bool = False
-    """Whether the noise narrows by ``log_std`` on a fixed way; else PPO learns it, from the first on."""
+    anneal_std: bool = False
+    """Narrow the action noise by a linear schedule from log_std_init to log_std_final, instead of learning it."""
     ent_coef: float = 0.0
-    """What a unit of the noise's entropy is worth, where PPO learns the noise."""
-    activation: Literal["tanh", "relu"] = "tanh"
+    """Weight of the entropy bonus; without effect on annealed noise."""
+    activation_fn: Literal["tanh", "relu"] = "tanh"
+    max_runs: int = 1
+    """Maximum number of runs: while a run ends more than 0.1 strokes above search, start another with the next seed."""
 
 
-class Annealing(BaseCallback):
-    """Narrows the noise that the policy explores with, on a fixed way from wide to narrow.
+class LogStdSchedule(BaseCallback):
+    """Narrows the action noise by a linear schedule.
 
-    Left to learn it from few updates, PPO may narrow it around the first putts that leave a tap-in, and never find the
-    hole-in-one beside them. Wide noise blurs the landscape of scores; as the blur goes the policy stays on top.
+    With few updates PPO may shrink learned noise around the first putts that leave a tap-in, and never find the
+    hole-in-one next to them. Wide noise smooths the expected return over actions; as it narrows, the mean follows the
+    maximum to the hole-in-one.
     """
 
-    def __init__(self, start: float, end: float, putts: int) -> None:
+    def __init__(self, config: PPOHyperparameters) -> None:
         super().__init__()
-        self.start, self.end, self.putts = start, end, putts
+        self.config = config
 
     @property
     def log_std(self) -> torch.Tensor:
-        """The policy's parameter (2,)."""
+        """Parameter (2,) of the policy."""
         return cast(torch.Tensor, self.model.policy.log_std)
 
     def _on_training_start(self) -> None:
@@ -83,55 +101,91 @@ class Annealing(BaseCallback):
         return True
 
     def _on_rollout_start(self) -> None:
-        share = min(1.0, self.num_timesteps / self.putts)
-        self.log_std.data.fill_(self.start + share * (self.end - self.start))
+        self.log_std.data.fill_(self.config.log_std_at(self.num_timesteps))
 
 
-def build(args: Args, envs: VecMonitor, policy: str = "MlpPolicy", **policy_kwargs: Any) -> PPO:
-    """Return a new learner."""
+def make_model(config: PPOConfig, envs: VecMonitor, policy: str = "MlpPolicy", **policy_kwargs: Any) -> PPO:
+    """Return a new model; ``policy_kwargs`` are added to those of the configuration."""
     return PPO(
         policy,
         envs,
-        learning_rate=LinearSchedule(args.learning_rate, 0.0, 1.0),
-        n_steps=args.n_steps,
-        batch_size=args.batch_size,
-        n_epochs=args.n_epochs,
-        target_kl=args.target_kl,
-        gamma=args.gamma,
-        gae_lambda=args.gae_lambda,
-        clip_range=args.clip_range,
-        ent_coef=args.ent_coef,
+        learning_rate=LinearSchedule(config.learning_rate, 0.0, 1.0),
+        n_steps=config.n_steps,
+        batch_size=config.batch_size,
+        n_epochs=config.n_epochs,
+        target_kl=config.target_kl,
+        gamma=config.gamma,
+        gae_lambda=config.gae_lambda,
+        clip_range=config.clip_range,
+        ent_coef=config.ent_coef,
         policy_kwargs={
-            "net_arch": list(args.hidden),
-            "activation_fn": ACTIVATIONS[args.activation],
-            "log_std_init": args.log_std[0],
+            "net_arch": list(config.net_arch),
+            "activation_fn": TORCH_ACTIVATIONS[config.activation_fn],
+            "log_std_init": config.log_std_init,
             **policy_kwargs,
         },
-        seed=args.seed,
+        seed=config.seed,
         device="cpu",
     )
 
 
-def callbacks(args: Args) -> Sequence[BaseCallback]:
-    """Return what happens while it learns."""
-    return [Annealing(*args.log_std, args.putts)] if args.anneal else []
+def main(config: PPOConfig) -> list[EvaluationResult]:
+    """Train one model, evaluate its best checkpoint, and print the closing table.
+
+    Raises:
+        SystemExit: an argument is invalid, or the run was interrupted; the message is one line.
+    """
+    started = time.monotonic()
+    torch.set_num_threads(1)  # The networks are tiny: a second thread only waits for the first, at full load.
+
+    # Create the run folder, or reopen the one to resume.
+    config, folder = start_run(config)
+
+    # Create environments, model and callbacks.
+    envs = make_sb3_envs(config)
+    model = make_model(config, envs)
+    initialize_model(model, config, folder)
+    checkpoints = EvalCheckpointCallback(config, folder, model)
+    callbacks: list[BaseCallback] = [checkpoints, ProgressBarCallback()]
+    if config.anneal_std:
+        callbacks.insert(0, LogStdSchedule(config))
+
+    # Learn; time steps and learning-rate schedule continue over resumed runs.
+    with contextlib.closing(envs), save_on_interrupt(folder, checkpoints.save):
+        remaining = max(0, config.total_timesteps - model.num_timesteps)
+        model.learn(remaining, callback=callbacks, reset_num_timesteps=False, tb_log_name="log")
+        checkpoints.save_and_evaluate()
+
+    # Evaluate the best checkpoint.
+    with save_on_interrupt(folder):
+        return finish_run(config, "PPO", load_best(model, config, folder), folder / "best.zip", started)
 
 
-def main(args: Args, build: runs.Build[Any] = build) -> list[EvaluationResult]:
-    """Train, score, print the table; once more with the next seed if the hole is not learned and seeds are left."""
-    if args.seeds > 1 and args.search_episodes == 0:
-        raise SystemExit(f"seeds: expected 1 without search to compare with, received {args.seeds}; add --seeds 1.")
-    scores = runs.run(args, build, callbacks)
-    if args.seeds <= 1 or args.resume is not None:
-        return scores
-    behind = scores[-1].strokes - scores[-2].strokes
-    if behind <= ENOUGH:
-        return scores
-    out = None if args.out is None else args.out.with_name(f"{args.out.name}-again")
-    following = replace(args, seed=args.seed + 1, seeds=args.seeds - 1, out=out)
-    runs.CONSOLE.print(f"Seed {args.seed} got stuck {behind:.2f} strokes above search: once more, with the next seed.")
-    return main(following, build)
+def train_until_learned(config: PPOConfig) -> list[EvaluationResult]:
+    """Call ``main`` with successive seeds until a run comes close to search, at most ``max_runs`` times.
+
+    Raises:
+        SystemExit: as for ``main``.
+    """
+    if config.max_runs < 1:
+        raise SystemExit(f"max_runs: expected at least 1, received {config.max_runs}.")
+    if config.max_runs > 1 and config.n_search_episodes == 0:
+        raise SystemExit(
+            f"max_runs: expected 1 without search to compare with, received {config.max_runs}; add --max-runs 1."
+        )
+    for run in range(config.max_runs):
+        seed = config.seed + run
+        out = config.out
+        if run > 0 and out is not None:
+            out = out.with_name(f"{out.name}-{run + 1}")
+        scores = main(replace(config, seed=seed, out=out))
+        excess = scores[-1].strokes - scores[-2].strokes
+        is_last = run + 1 == config.max_runs or config.resume is not None
+        if is_last or excess <= MAX_STROKES_ABOVE_SEARCH:
+            break
+        CONSOLE.print(f"Seed {seed} got stuck {excess:.2f} strokes above search: starting again with seed {seed + 1}.")
+    return scores
 
 
 if __name__ == "__main__":
-    main(tyro.cli(Args, description=__doc__))
+    train_until_learned(tyro.cli(PPOConfig, description=__doc__))

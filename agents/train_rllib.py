@@ -1,9 +1,11 @@
-"""Train Ray RLlib's PPO on a hole, on the cores of one machine or of many, and end with a table: random, search, PPO.
+"""Train Ray RLlib's PPO on a hole, on the cores of one or many machines, and end with a table: random, search, PPO.
 
 ``python -m agents.train_rllib`` starts Ray on this machine, ``--address auto`` joins the cluster that this machine is a
-node of; ``--resume runs/dogleg-1`` goes on after an interruption. docs/scaling.md has the commands for a cluster. The
-folder is that of every run (runs.py), its models such as stable-baselines3 writes: ``minigolf`` reads them without Ray.
-Beside them is checkpoint-PUTTS, RLlib's own, from which a run goes on.
+node of, and ``--resume runs/dogleg-1`` resumes a run after an interruption. docs/scaling.md has the commands for a
+cluster.
+
+The run folder is that of every sample (training_run.py). Its models are in the format of stable-baselines3, so that
+``minigolf`` reads them without Ray. RLlib's own checkpoint, from which a run resumes, is checkpoint-TIMESTEPS.
 """
 
 from __future__ import annotations
@@ -17,60 +19,60 @@ from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
-import numpy as np
 import torch
 import tyro
 from rich.progress import MofNCompleteColumn, Progress
 from stable_baselines3 import PPO
 from stable_baselines3.common.logger import configure
 
-from agents import runs
 from agents.cluster import connect, import_ray
-from agents.train_ppo import Settings
+from agents.run_evaluation import EvalCheckpointCallback, finish_run
+from agents.train_ppo import PPOHyperparameters
+from agents.training_run import CONSOLE, save_on_interrupt, start_run
 from minigolf_env._atomic_io import commit
 from minigolf_env.courses import load_course
 from minigolf_env.courses.procedural import PROCEDURAL_COURSE
 from minigolf_env.evaluation.evaluate import EvaluationResult
 from minigolf_env.players.policies import load_policy
 
-ENVIRONMENT = "minigolf_env:MiniGolf-v0"
-"""With the module's name: a worker on another node has imported nothing of ours."""
+ENV_ID = "minigolf_env:MiniGolf-v0"
+"""Environment with its module's name, which a worker on another node must import to register it."""
 
-MODULE = "default_policy"
-"""What RLlib calls its one network."""
+MODULE_ID = "default_policy"
+"""RLlib's name of the only network."""
 
-NAMES = {
+SB3_NAME_PREFIXES = {
     "encoder.actor_encoder.net.mlp.": "mlp_extractor.policy_net.",
     "encoder.critic_encoder.net.mlp.": "mlp_extractor.value_net.",
     "pi.net.mlp.0.": "action_net.",
     "vf.net.mlp.0.": "value_net.",
     "pi.log_std": "log_std",
 }
-"""How the names of RLlib's weights begin, and what stable-baselines3 calls the same ones."""
+"""Prefixes of RLlib's weight names, and those of the same weights in stable-baselines3."""
 
 
 @dataclass(frozen=True)
-class Args(Settings):
-    """The command line."""
+class RLlibConfig(PPOHyperparameters):
+    """Command-line arguments of this program."""
 
     n_steps: int = 4
     batch_size: int = 512
     address: str | None = None
-    """Of a Ray cluster: "auto" on one of its nodes, or HOST:PORT; by default Ray starts on this machine alone. With
-    --resume it counts too: the cluster may have moved."""
+    """Ray cluster: "auto" on one of its nodes, or HOST:PORT; by default Ray starts on this machine alone.
+    It also counts with --resume, as the cluster may have moved."""
     num_env_runners: int = 2
-    """Processes that play, a core each; Ray spreads them over the nodes and replaces those that die."""
-    num_envs: int = 256
-    """Environments of each of them, played as one batch."""
+    """Number of sampling processes, one core each; Ray spreads them over the nodes and replaces those that die."""
+    n_envs: int = 256
+    """Number of environments in each sampling process, stepped as one batch."""
     num_learners: int = 0
-    """Processes that learn, a core each, from equal shares of the putts; 0: this program learns by itself."""
+    """Number of learning processes, one core each, with equal shares of the batch; 0 learns in this program."""
 
     @property
-    def environment(self) -> dict[str, Any]:
-        """The arguments of the environments, with the course itself: its file need not be on the other nodes."""
+    def env_config(self) -> dict[str, Any]:
+        """Arguments of the environments, with the loaded course: its file need not be on the other nodes."""
         course = self.course if self.course == PROCEDURAL_COURSE else load_course(self.course)
         return {
-            **self.game,
+            **self.task,
             "course": course,
             "observation": self.observation,
             "reward": self.reward,
@@ -78,191 +80,213 @@ class Args(Settings):
         }
 
 
-class Training(runs.Checkpoints):
-    """RLlib's learner and its checkpoints; ``model`` is the same network as stable-baselines3 has it.
+class RLlibTrainer(EvalCheckpointCallback):
+    """RLlib's algorithm with its checkpoints; ``model`` is the same network in stable-baselines3.
 
     Args:
-        args: of the run.
-        folder: of the run; if it has a checkpoint of RLlib's, the learner goes on from there.
+        config: configuration of the run.
+        folder: run folder; if it has a checkpoint of RLlib's, training resumes there.
     """
 
-    def __init__(self, args: Args, folder: Path) -> None:
-        super().__init__(args, folder)
-        self.algorithm = make_algorithm(args)
-        player = PPO(
+    def __init__(self, config: RLlibConfig, folder: Path) -> None:
+        self.algorithm = make_algorithm(config)
+        sb3_model = PPO(
             "MlpPolicy",
-            gym.make(ENVIRONMENT, **args.environment),
-            seed=args.seed,
+            gym.make(ENV_ID, **config.env_config),
+            seed=config.seed,
             device="cpu",
-            policy_kwargs={"net_arch": list(args.hidden), "log_std_init": args.log_std[0]},
+            policy_kwargs={"net_arch": list(config.net_arch), "log_std_init": config.log_std_init},
         )
-        player.set_logger(configure(str(folder / "log"), ["tensorboard"]))
-        self.init_callback(player)
-        if self.kept():
-            self.algorithm.restore_from_path(str(self.kept()[-1].resolve()))
-            self.num_timesteps = self.saved_at = putts_of(self.kept()[-1])
+        sb3_model.set_logger(configure(str(folder / "log"), ["tensorboard"]))
+        super().__init__(config, folder, sb3_model)
+        if self.checkpoints():
+            newest = self.checkpoints()[-1]
+            self.algorithm.restore_from_path(str(newest.resolve()))
+            self.num_timesteps = timesteps_of(newest)
+            self.last_saved = self.num_timesteps
         else:
-            self.lend()
+            self.init_from_sb3()
 
-    def kept(self) -> list[Path]:
-        """Return RLlib's checkpoints in the folder, the newest last."""
-        return sorted(self.folder.glob("checkpoint-*"), key=putts_of)
+    def checkpoints(self) -> list[Path]:
+        """Return RLlib's checkpoints in the run folder, the newest last."""
+        return sorted(self.folder.glob("checkpoint-*"), key=timesteps_of)
 
-    def lend(self) -> None:
-        """Begin with the weights that stable-baselines3 would begin with."""
-        theirs = self.model.policy.state_dict()
+    def init_from_sb3(self) -> None:
+        """Copy the initial weights of stable-baselines3's network to RLlib's learner and workers."""
+        sb3_weights = self.model.policy.state_dict()
         weights = self.algorithm.learner_group.get_weights()
-        mine = {name: theirs[renamed(name)].numpy() for name in weights[MODULE] if renamed(name) in theirs}
-        self.algorithm.learner_group.set_weights({MODULE: {**weights[MODULE], **mine}})
+        copied = {
+            name: sb3_weights[to_sb3_name(name)].numpy()
+            for name in weights[MODULE_ID]
+            if to_sb3_name(name) in sb3_weights
+        }
+        self.algorithm.learner_group.set_weights({MODULE_ID: {**weights[MODULE_ID], **copied}})
         self.algorithm.env_runner_group.sync_weights(from_worker_or_learner_group=self.algorithm.learner_group)
 
-    def carry(self) -> None:
-        """Bring what is learned so far into stable-baselines3's network."""
-        weights = self.algorithm.learner_group.get_weights()[MODULE]
-        theirs = {renamed(name): torch.as_tensor(weights[name]) for name in weights}
+    def sync_to_sb3(self) -> None:
+        """Copy the learner's weights to stable-baselines3's network."""
+        weights = self.algorithm.learner_group.get_weights()[MODULE_ID]
+        sb3_weights = {to_sb3_name(name): torch.as_tensor(weights[name]) for name in weights}
         policy = self.model.policy
-        policy.load_state_dict({name: theirs[name] for name in policy.state_dict()})
+        policy.load_state_dict({name: sb3_weights[name] for name in policy.state_dict()})
         self.model.num_timesteps = self.num_timesteps
 
     def learn(self) -> None:
-        """Play and learn until the putts are played."""
-        with Progress(*Progress.get_default_columns(), MofNCompleteColumn(), console=runs.CONSOLE) as bar:
-            task = bar.add_task("putts", total=self.args.putts, completed=self.num_timesteps)
-            while self.num_timesteps < self.args.putts:
-                played = self.algorithm.train()["env_runners"]
-                self.num_timesteps = int(played["num_env_steps_sampled_lifetime"])
-                bar.update(task, completed=self.num_timesteps)
+        """Sample and learn until ``total_timesteps`` putts are played."""
+        total = self.config.total_timesteps
+        with Progress(*Progress.get_default_columns(), MofNCompleteColumn(), console=CONSOLE) as bar:
+            bar_task = bar.add_task("time steps", total=total, completed=self.num_timesteps)
+            while self.num_timesteps < total:
+                results = self.algorithm.train()["env_runners"]
+                self.num_timesteps = int(results["num_env_steps_sampled_lifetime"])
+                bar.update(bar_task, completed=self.num_timesteps)
                 for name in ("episode_len_mean", "episode_return_mean"):
-                    if name in played:  # Not before an episode has ended.
-                        self.logger.record(f"rollout/{name}", played[name])
+                    if name in results:  # Missing until an episode has ended.
+                        self.logger.record(f"rollout/{name}", results[name])
                 self.logger.dump(self.num_timesteps)
-                if self.num_timesteps - self.saved_at >= self.args.check_every:
-                    self.check()
+                if self.num_timesteps - self.last_saved >= self.config.eval_freq:
+                    self.save_and_evaluate()
 
-    def check(self) -> None:
-        """Save, score, and keep the model if it is the best so far."""
-        self.keep()
-        self.carry()
-        super().check()
+    def save_and_evaluate(self) -> None:
+        """Save RLlib's checkpoint and the model, evaluate the model, and keep it if it is the best so far."""
+        self.save_rllib_checkpoint()
+        self.sync_to_sb3()
+        super().save_and_evaluate()
 
-    def keep(self) -> None:
-        """Write RLlib's checkpoint, unless there is one after as many putts, and drop the one before."""
-        beside, place = self.folder / ".checkpoint", self.folder / f"checkpoint-{self.num_timesteps}"
-        shutil.rmtree(beside, ignore_errors=True)
-        if not place.exists():
-            self.algorithm.save_to_path(str(beside.resolve()))
-            commit(beside, place)
-        for old in self.kept()[:-1]:
-            shutil.rmtree(old)
-
-
-def renamed(name: str) -> str:
-    """Return what stable-baselines3 calls one of RLlib's weights; the name itself if it has no such weight."""
-    return next((theirs + name[len(ours) :] for ours, theirs in NAMES.items() if name.startswith(ours)), name)
+    def save_rllib_checkpoint(self) -> None:
+        """Write RLlib's checkpoint, unless this time step has one, then remove the older ones."""
+        temporary_folder = self.folder / ".checkpoint"
+        checkpoint = self.folder / f"checkpoint-{self.num_timesteps}"
+        shutil.rmtree(temporary_folder, ignore_errors=True)
+        if not checkpoint.exists():
+            self.algorithm.save_to_path(str(temporary_folder.resolve()))
+            commit(temporary_folder, checkpoint)
+        for older in self.checkpoints()[:-1]:
+            shutil.rmtree(older)
 
 
-def putts_of(checkpoint: Path) -> int:
-    """Return the putts that were played before a checkpoint of RLlib's."""
+def to_sb3_name(name: str) -> str:
+    """Return stable-baselines3's name of one of RLlib's weights, or the name itself if there is no such weight."""
+    for prefix, sb3_prefix in SB3_NAME_PREFIXES.items():
+        if name.startswith(prefix):
+            return sb3_prefix + name.removeprefix(prefix)
+    return name
+
+
+def timesteps_of(checkpoint: Path) -> int:
+    """Return the time step of one of RLlib's checkpoints, from its name."""
     return int(checkpoint.name.rpartition("-")[2])
 
 
-def make_algorithm(args: Args) -> Any:
-    """Return a new RLlib learner, its environments spread over the cluster."""
+def make_algorithm(config: RLlibConfig) -> Any:
+    """Return RLlib's PPO, its environments spread over the cluster."""
     from ray.rllib.algorithms.ppo import PPOConfig
     from ray.rllib.core.rl_module.default_model_config import DefaultModelConfig
 
-    putts = args.num_env_runners * args.num_envs * args.n_steps
-    config = (
+    rollout_size = config.num_env_runners * config.n_envs * config.n_steps
+    rllib_config = (
         PPOConfig()
-        .environment(ENVIRONMENT, env_config=args.environment)
+        .environment(ENV_ID, env_config=config.env_config)
         .env_runners(
-            num_env_runners=args.num_env_runners,
-            num_envs_per_env_runner=args.num_envs,
-            rollout_fragment_length=args.n_steps,
+            num_env_runners=config.num_env_runners,
+            num_envs_per_env_runner=config.n_envs,
+            rollout_fragment_length=config.n_steps,
             gym_env_vectorize_mode="vector_entry_point",
         )
         .training(
-            learner_class=annealing(args),
-            lr=[[0, args.learning_rate], [args.putts, 0.0]],
-            train_batch_size_per_learner=putts // max(1, args.num_learners),
-            minibatch_size=args.batch_size,
-            num_epochs=args.n_epochs,
-            gamma=args.gamma,
-            lambda_=args.gae_lambda,
-            clip_param=args.clip_range,
-            kl_target=args.target_kl,
+            learner_class=make_learner_class(config),
+            lr=[[0, config.learning_rate], [config.total_timesteps, 0.0]],
+            train_batch_size_per_learner=rollout_size // max(1, config.num_learners),
+            minibatch_size=config.batch_size,
+            num_epochs=config.n_epochs,
+            gamma=config.gamma,
+            lambda_=config.gae_lambda,
+            clip_param=config.clip_range,
+            kl_target=config.target_kl,
             vf_loss_coeff=0.5,
             grad_clip=0.5,
         )
         .rl_module(
             model_config=DefaultModelConfig(
-                fcnet_hiddens=list(args.hidden), fcnet_activation="tanh", vf_share_layers=False, free_log_std=True
+                fcnet_hiddens=list(config.net_arch), fcnet_activation="tanh", vf_share_layers=False, free_log_std=True
             )
         )
-        .learners(num_learners=args.num_learners)
+        .learners(num_learners=config.num_learners)
         .fault_tolerance(restart_failed_env_runners=True)
-        .debugging(seed=args.seed)
+        .debugging(seed=config.seed)
     )
-    algorithm = config.build_algo()
-    Path(algorithm.logdir).rmdir()  # RLlib makes a folder in the user's home; nothing is ever written to it.
+    algorithm = rllib_config.build_algo()
+    Path(algorithm.logdir).rmdir()  # RLlib makes a folder in the user's home, to which nothing is ever written.
     return algorithm
 
 
-def annealing(args: Args) -> type[Any]:
-    """Return RLlib's class of learners, with the noise on a fixed way from wide to narrow: see train_ppo.Annealing.
+def make_learner_class(config: RLlibConfig) -> type[Any]:
+    """Return a class of RLlib's PPO learner whose action noise follows the schedule of train_ppo.LogStdSchedule.
 
-    It is set at the end of an update, before the workers are sent the weights: the putts an update learns from were all
-    played with one noise, the one that it computes with.
+    The noise changes at the end of an update, before the workers receive the weights, so that all putts of an update
+    were played with the noise that it computes with.
     """
     from ray.rllib.algorithms.ppo.torch.ppo_torch_learner import PPOTorchLearner
     from ray.rllib.utils.metrics import NUM_ENV_STEPS_SAMPLED_LIFETIME
 
-    class Annealing(PPOTorchLearner):  # type: ignore[misc] # Ray is not there to be checked.
+    class LogStdScheduleLearner(PPOTorchLearner):  # type: ignore[misc] # Ray is not installed where types are checked.
         def get_parameters(self, module: Any) -> list[Any]:
             module.unwrapped().pi.log_std.requires_grad_(False)
             return [weights for weights in super().get_parameters(module) if weights.requires_grad]
 
         def after_gradient_based_update(self, *, timesteps: Mapping[str, int]) -> None:
             super().after_gradient_based_update(timesteps=timesteps)
-            log_std = np.interp(timesteps[NUM_ENV_STEPS_SAMPLED_LIFETIME], (0, args.putts), args.log_std)
-            self.module[MODULE].unwrapped().pi.log_std.data.fill_(float(log_std))
+            log_std = config.log_std_at(timesteps[NUM_ENV_STEPS_SAMPLED_LIFETIME])
+            self.module[MODULE_ID].unwrapped().pi.log_std.data.fill_(log_std)
 
-    return Annealing
+    return LogStdScheduleLearner
 
 
-def train(args: Args, folder: Path) -> None:
-    """Learn until the putts are played, from the folder's checkpoint if it has one; Ctrl-C saves and leaves."""
-    torch.set_num_threads(1)  # The networks are tiny: a second thread mostly waits for the first, at full load.
-    ray = connect(args.address)
+def train(config: RLlibConfig, folder: Path) -> None:
+    """Train until all putts are played, from the checkpoint in the folder if there is one; Ctrl-C saves first."""
+    torch.set_num_threads(1)  # The networks are tiny: a second thread only waits for the first, at full load.
+    ray = connect(config.address)
     try:
-        cores, wanted = int(ray.cluster_resources()["CPU"]), args.num_env_runners + args.num_learners
-        if wanted > cores:  # RLlib would wait for them for ever.
-            raise SystemExit(f"num_env_runners and num_learners: expected at most {cores} in all, the cores Ray has.")
-        training = Training(args, folder)
+        num_cores = int(ray.cluster_resources()["CPU"])
+        if config.num_env_runners + config.num_learners > num_cores:  # RLlib would wait for the cores for ever.
+            raise SystemExit(
+                f"num_env_runners and num_learners: expected at most {num_cores} in all, the cores that Ray has."
+            )
+        trainer = RLlibTrainer(config, folder)
         try:
-            with runs.stoppable(folder, training.keep):
-                training.learn()
-                training.check()
+            with save_on_interrupt(folder, trainer.save_rllib_checkpoint):
+                trainer.learn()
+                trainer.save_and_evaluate()
         finally:
-            training.logger.close()
-            training.algorithm.stop()
+            trainer.logger.close()
+            trainer.algorithm.stop()
     finally:
         ray.shutdown()
 
 
-def main(args: Args) -> list[EvaluationResult]:
-    """Train, score, print the table."""
-    began, address = time.monotonic(), args.address
-    import_ray(address)  # Where it is missing, nothing is begun.
-    if args.num_env_runners < 1 or args.num_learners < 0:
+def main(config: RLlibConfig) -> list[EvaluationResult]:
+    """Train one model, evaluate its best checkpoint, and print the closing table.
+
+    Raises:
+        SystemExit: an argument is invalid, Ray or its cluster is missing, or the run was interrupted; the message is
+            one line.
+    """
+    started = time.monotonic()
+    address = config.address
+    import_ray(address)  # Fails here where Ray is missing, before a folder is created.
+    if config.num_env_runners < 1 or config.num_learners < 0:
         raise SystemExit("num_env_runners: expected at least 1; num_learners: at least 0.")
-    if args.observation == "pixels" or args.start is not None:
-        raise SystemExit('observation: expected "state" or "rays", no --start: those are for one machine.')
-    args, folder = runs.begin(args)
-    args = dataclasses.replace(args, address=address)
-    train(args, folder)
-    return runs.end(args, PPO.__name__, load_policy(folder / "best.zip"), folder / "best.zip", began)
+    if config.observation == "pixels" or config.init_weights is not None:
+        raise SystemExit(
+            'observation: expected "state" or "rays", and no --init-weights: images and initial weights need '
+            "the programs for one machine."
+        )
+    config, folder = start_run(config)
+    config = dataclasses.replace(config, address=address)
+    train(config, folder)
+    best_model = folder / "best.zip"
+    return finish_run(config, "PPO", load_policy(best_model), best_model, started)
 
 
 if __name__ == "__main__":
-    main(tyro.cli(Args, description=__doc__))
+    main(tyro.cli(RLlibConfig, description=__doc__))

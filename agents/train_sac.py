@@ -1,59 +1,91 @@
-"""Train another algorithm through the same adapter: stable-baselines3's SAC, which learns from all the putts it saw.
+"""Train stable-baselines3's SAC, an off-policy algorithm, through the same adapter as PPO.
 
-``python -m agents.train_sac``. It needs fewer putts than PPO for its first holes, and far more time for each:
-train_ppo.py is what this package recommends.
+``python -m agents.train_sac``. SAC holes out after fewer putts than PPO, but each putt takes far more time:
+agents/train_ppo.py is the sample to start from.
 """
 
 from __future__ import annotations
 
+import contextlib
+import time
 from dataclasses import dataclass
 
+import torch
 import tyro
 from stable_baselines3 import SAC
+from stable_baselines3.common.callbacks import ProgressBarCallback
 from stable_baselines3.common.vec_env import VecMonitor
 
-from agents import runs
+from agents.run_evaluation import EvalCheckpointCallback, finish_run, load_best
+from agents.training_run import (
+    TrainConfig,
+    initialize_model,
+    make_sb3_envs,
+    save_on_interrupt,
+    start_run,
+)
 from minigolf_env.evaluation.evaluate import EvaluationResult
 
 
 @dataclass(frozen=True)
-class Args(runs.Run):
-    """The command line."""
+class SACConfig(TrainConfig):
+    """Command-line arguments of this program."""
 
-    putts: int = 60_000
-    num_envs: int = 64
-    check_every: int = 10_000
+    total_timesteps: int = 60_000
+    n_envs: int = 64
+    eval_freq: int = 10_000
 
     learning_starts: int = 5_000
-    """Random putts before the first update."""
+    """Number of random putts before the first update."""
     gradient_steps: int = 8
-    """Updates after a putt in each environment."""
+    """Number of updates after each step of the batch of environments."""
     batch_size: int = 512
     learning_rate: float = 1e-3
     gamma: float = 0.5
-    hidden: tuple[int, ...] = (128, 128)
+    net_arch: tuple[int, ...] = (128, 128)
+    """Sizes of the hidden layers."""
 
 
-def build(args: Args, envs: VecMonitor) -> SAC:
-    """Return a new learner."""
+def make_model(config: SACConfig, envs: VecMonitor) -> SAC:
+    """Return a new model."""
     return SAC(
         "MlpPolicy",
         envs,
-        learning_rate=args.learning_rate,
-        learning_starts=args.learning_starts,
-        gradient_steps=args.gradient_steps,
-        batch_size=args.batch_size,
-        gamma=args.gamma,
-        policy_kwargs={"net_arch": list(args.hidden)},
-        seed=args.seed,
+        learning_rate=config.learning_rate,
+        learning_starts=config.learning_starts,
+        gradient_steps=config.gradient_steps,
+        batch_size=config.batch_size,
+        gamma=config.gamma,
+        policy_kwargs={"net_arch": list(config.net_arch)},
+        seed=config.seed,
         device="cpu",
     )
 
 
-def main(args: Args) -> list[EvaluationResult]:
-    """Train, score, print the table."""
-    return runs.run(args, build, lambda _: ())
+def main(config: SACConfig) -> list[EvaluationResult]:
+    """Train one model, evaluate its best checkpoint, and print the closing table.
+
+    Raises:
+        SystemExit: an argument is invalid, or the run was interrupted; the message is one line.
+    """
+    started = time.monotonic()
+    torch.set_num_threads(1)  # The networks are tiny: a second thread only waits for the first, at full load.
+    config, folder = start_run(config)
+
+    envs = make_sb3_envs(config)
+    model = make_model(config, envs)
+    initialize_model(model, config, folder)
+    checkpoints = EvalCheckpointCallback(config, folder, model)
+
+    with contextlib.closing(envs), save_on_interrupt(folder, checkpoints.save):
+        remaining = max(0, config.total_timesteps - model.num_timesteps)
+        callbacks = [checkpoints, ProgressBarCallback()]
+        model.learn(remaining, callback=callbacks, reset_num_timesteps=False, tb_log_name="log")
+        checkpoints.save_and_evaluate()
+
+    with save_on_interrupt(folder):
+        return finish_run(config, "SAC", load_best(model, config, folder), folder / "best.zip", started)
 
 
 if __name__ == "__main__":
-    main(tyro.cli(Args, description=__doc__))
+    main(tyro.cli(SACConfig, description=__doc__))

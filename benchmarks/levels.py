@@ -23,8 +23,8 @@ import numpy as np
 import tyro
 from tqdm import tqdm
 
+from benchmarks.failure_counts import count_failures, count_stuck, random_putts
 from benchmarks.report import print_table
-from benchmarks.watch import random_putts, stuck, watch
 from minigolf_env.courses.procedural import DIFFICULTY_NAMES, GENERATOR_VERSION
 from minigolf_env.courses.procedural.level import build_level
 from minigolf_env.envs import MiniGolfEnv, Result, Task
@@ -104,7 +104,7 @@ def examine_level(env: MiniGolfEnv, difficulty: str, level: int, args: Args) -> 
     course.world()
     world_end = time.process_time()
     env.reset(seed=0, options={"level": level})
-    watched = watch(env)
+    counting_world = count_failures(env)
     task = env.task
     rng = np.random.default_rng(level)
     tee = np.append(task.course.tee.centre, task.course.ball_radius)
@@ -126,11 +126,11 @@ def examine_level(env: MiniGolfEnv, difficulty: str, level: int, args: Args) -> 
         random=PUTTS_PER_BALL * args.balls,
         out=out,
         low_out=low_out,
-        stuck=stuck(task, balls),
-        putts=watched.putts,
-        late=watched.late,
-        exhausted=watched.exhausted,
-        inside=watched.inside,
+        stuck=count_stuck(task, balls),
+        putts=counting_world.num_putts,
+        late=counting_world.num_late,
+        exhausted=counting_world.num_exhausted,
+        inside=counting_world.num_inside,
     )
 
 

@@ -13,8 +13,8 @@ import numpy as np
 import tyro
 from tqdm import tqdm
 
+from benchmarks.failure_counts import count_failures
 from benchmarks.report import print_table
-from benchmarks.watch import watch
 from minigolf_env.courses import list_courses, par_of
 from minigolf_env.envs import MiniGolfEnv
 from minigolf_env.evaluation.report import format_with_interval
@@ -52,9 +52,9 @@ def main(args: Args) -> None:
         counts = np.zeros(4, np.int64)
         for seed in tqdm(range(args.seed, args.seed + args.rounds), name, leave=False):
             env.reset(seed=seed)
-            watched = watch(env)
+            world = count_failures(env)
             strokes.append(search_strokes(env))
-            counts += watched.putts, watched.late, watched.exhausted, watched.inside
+            counts += world.num_putts, world.num_late, world.num_exhausted, world.num_inside
         interval = mean_interval(strokes)
         par = par_of(name)
         low, high = (max(MIN_PAR, round(mean)) for mean in interval)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import tyro
 
-from benchmarks.watch import stuck
+from benchmarks.failure_counts import count_stuck
 from minigolf_env.courses import list_courses, load_course
 from minigolf_env.envs.config import build_task
 from minigolf_env.physics import Status
@@ -55,7 +55,9 @@ def main(args: Args) -> None:
             in_cup = task.is_holed(shots.position, shots.velocity)
             resting = shots.position[~in_cup & (np.asarray(shots.status) == Status.REST)]
             resting = rng.permutation(resting)[: args.positions]
-            holed = f", holed {in_cup.mean():.2%}, stuck {stuck(task, resting)} of {len(resting)} resting positions"
+            holed = (
+                f", holed {in_cup.mean():.2%}, stuck {count_stuck(task, resting)} of {len(resting)} resting positions"
+            )
         statuses = {status.name.lower(): int((np.asarray(shots.status) == status).sum()) for status in Status}
         clearance = world.clearance(shots.position).min() / world.coordinate_scale
         print(f"{name}: {args.putts:,} putts, {statuses}, exhausted {np.sum(shots.exhausted)}{holed}", end=", ")

@@ -1,6 +1,6 @@
-"""Does stable-baselines3's PPO with all its defaults improve on MiniGolf-v0? Run: python -m benchmarks.stock_ppo.
+"""Check that stable-baselines3's PPO with all its defaults improves on MiniGolf-v0: python -m benchmarks.stock_ppo.
 
-Trains ``PPO("MlpPolicy", "MiniGolf-v0").learn(100_000)`` with each reward, and scores it before and after.
+Trains ``PPO("MlpPolicy", "MiniGolf-v0").learn(100_000)`` with each reward, and evaluates it before and after.
 """
 
 from __future__ import annotations
@@ -21,31 +21,34 @@ from minigolf_env.players.policies import ModelPolicy
 
 @dataclass(frozen=True)
 class Args:
-    """The command line."""
+    """Command-line arguments."""
 
-    putts: int = 100_000
-    episodes: int = 300
+    total_timesteps: int = 100_000
+    """Number of putts to train on."""
+    n_eval_episodes: int = 300
+    """Number of episodes in each evaluation."""
     rewards: tuple[str, ...] = ("shaped", "strokes")
+    """Rewards to train with, each a model of its own."""
 
 
-def score(model: PPO, name: str, episodes: int) -> EvaluationResult:
-    """Return how well the model plays now."""
+def evaluate_model(model: PPO, name: str, n_eval_episodes: int) -> EvaluationResult:
+    """Evaluate a model in its present state."""
     with tempfile.TemporaryDirectory() as folder:
         model.save(Path(folder) / "model.zip")
-        return evaluate(ModelPolicy(Path(folder) / "model.zip"), name, episodes=episodes)
+        return evaluate(ModelPolicy(Path(folder) / "model.zip"), name, episodes=n_eval_episodes)
 
 
 def main(args: Args) -> None:
-    """Print a row before and a row after, for each reward."""
-    scores = []
+    """Print a row before and a row after training, for each reward."""
+    results = []
     for reward in args.rewards:
         model = PPO("MlpPolicy", gym.make("MiniGolf-v0", reward=reward), seed=0, device="cpu")
-        scores.append(score(model, f"{reward}, untrained", args.episodes))
-        began = time.monotonic()
-        model.learn(args.putts)
-        name = f"{reward}, {args.putts:,} putts, {time.monotonic() - began:.0f} s"
-        scores.append(score(model, name, args.episodes))
-    print_evaluations(scores)
+        results.append(evaluate_model(model, f"{reward}, untrained", args.n_eval_episodes))
+        started = time.monotonic()
+        model.learn(args.total_timesteps)
+        name = f"{reward}, {args.total_timesteps:,} putts, {time.monotonic() - started:.0f} s"
+        results.append(evaluate_model(model, name, args.n_eval_episodes))
+    print_evaluations(results)
 
 
 if __name__ == "__main__":

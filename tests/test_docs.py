@@ -10,7 +10,7 @@ import pkgutil
 import re
 import shlex
 from pathlib import Path
-from typing import Any
+from typing import Any, get_type_hints
 from urllib.parse import urlsplit
 
 import gymnasium as gym
@@ -115,9 +115,10 @@ def parse_command(words: list[str], is_in_text: bool = False) -> None:
     elif program == "python":
         assert arguments[0] == "-m", words
         pytest.importorskip("stable_baselines3")
-        module = importlib.import_module(arguments[1])
-        if hasattr(module, "Args"):
-            tyro.cli(module.Args, args=arguments[2:])
+        main = getattr(importlib.import_module(arguments[1]), "main", lambda: None)
+        parameter_types = [hint for name, hint in get_type_hints(main).items() if name != "return"]
+        if parameter_types:
+            tyro.cli(parameter_types[0], args=arguments[2:])
         else:
             assert not arguments[2:], words
     elif program == "make":

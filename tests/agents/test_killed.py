@@ -1,4 +1,4 @@
-"""A run that is killed at any moment goes on from its last checkpoint."""
+"""A run that is killed at any moment resumes from its last checkpoint."""
 
 from __future__ import annotations
 
@@ -14,86 +14,106 @@ import numpy as np
 import pytest
 from stable_baselines3 import PPO
 
-from agents import runs, train_ppo
+from agents import train_ppo
+from agents.run_evaluation import EvalCheckpointCallback
+from agents.train_ppo import PPOConfig
+from agents.training_run import read_config
 
-KILLS = 20
+NUM_KILLS = 20
 
-LONG = train_ppo.Args(
-    putts=960,
-    num_envs=16,
+LONG_RUN = PPOConfig(
+    total_timesteps=960,
+    n_envs=16,
     n_steps=2,
     batch_size=32,
-    check_every=32,
-    check_episodes=2,
-    final_episodes=2,
-    search_episodes=0,
+    eval_freq=32,
+    n_eval_episodes=2,
+    n_test_episodes=2,
+    n_search_episodes=0,
 )
-"""It writes a checkpoint, a score, and often a best model every few hundredths of a second."""
+"""Run that writes a checkpoint, its evaluation, and often a best model every few hundredths of a second."""
 
 CONTEXT = multiprocessing.get_context("forkserver")
-"""Processes that have all libraries, and no thread, when they start."""
+"""Start method of processes that have imported all libraries, but have no thread, when they start."""
 
 
-def played(folder: Path) -> int:
-    """Return the putts of the newest checkpoint, which is whole; 0 if there is none."""
+def timesteps_of_checkpoint(folder: Path) -> int:
+    """Return the time steps of the newest checkpoint, which must be intact; 0 if there is none."""
     path = folder / "checkpoint.zip"
     return PPO.load(path).num_timesteps if path.is_file() else 0
 
 
-def saves(folder: Path) -> int:
-    """Return a number that changes with each checkpoint and its score."""
+def evaluation_version(folder: Path) -> int:
+    """Return a number that changes when a checkpoint has been evaluated: the inode of the file that is replaced."""
     path = folder / "progress.json"
     return path.stat().st_ino if path.is_file() else 0
 
 
-def test_twenty_kills_lose_no_more_than_the_last_putts(tmp_path: Path) -> None:
-    """After each all files are whole, the arguments the same, and the count goes on, to where an unkilled run ends."""
+def test_killed_run_resumes_from_last_checkpoint(tmp_path: Path) -> None:
+    """After each of 20 kills all files are intact and the configuration is the same; time steps never decrease.
+
+    The last resumed run ends at the same time step as a run that is not killed.
+    """
     CONTEXT.set_forkserver_preload(["agents.train_ppo"])
     rng = np.random.default_rng(1)
-    folder, ended, before, kills = tmp_path / "0", 0, 0, 0
-    while kills < KILLS or not ended:
-        resume = (folder / "args.json").is_file()
-        args = train_ppo.Args(resume=folder) if resume else dataclasses.replace(LONG, out=folder)
-        process, first = CONTEXT.Process(target=train_ppo.main, args=(args,)), saves(folder)
+    folder = tmp_path / "0"
+    num_finished = 0
+    num_kills = 0
+    previous_timesteps = 0
+    while num_kills < NUM_KILLS or not num_finished:
+        can_resume = (folder / "config.json").is_file()
+        config = PPOConfig(resume=folder) if can_resume else dataclasses.replace(LONG_RUN, out=folder)
+
+        # Start the program, wait for an evaluation, and kill it at a random moment after.
+        process = CONTEXT.Process(target=train_ppo.main, args=(config,))
+        version = evaluation_version(folder)
         process.start()
-        while process.is_alive() and saves(folder) == first:
+        while process.is_alive() and evaluation_version(folder) == version:
             time.sleep(0.01)
-        process.join(rng.uniform(0.0, 1.0) if kills < KILLS else None)
+        process.join(rng.uniform(0.0, 1.0) if num_kills < NUM_KILLS else None)
         process.kill()
         process.join()
-        killed = process.exitcode == -signal.SIGKILL
-        assert killed or process.exitcode == 0
-        kills += killed
-        now, history = played(folder), json.loads((folder / "progress.json").read_text())
-        assert before <= now <= LONG.putts and (killed or now == LONG.putts)
-        assert runs.read_args(train_ppo.Args, folder) == LONG
-        assert [row["putts"] for row in history] == sorted(row["putts"] for row in history)
-        before = now
-        if not killed:
-            assert not [file for file in folder.iterdir() if file.name.startswith(".")], "what was half written is gone"
-            ended, before, folder = ended + 1, 0, tmp_path / str(ended + 1)
+        is_killed = process.exitcode == -signal.SIGKILL
+        assert is_killed or process.exitcode == 0
+        num_kills += is_killed
+
+        # Check the files.
+        timesteps = timesteps_of_checkpoint(folder)
+        history = json.loads((folder / "progress.json").read_text())
+        assert previous_timesteps <= timesteps <= LONG_RUN.total_timesteps
+        assert is_killed or timesteps == LONG_RUN.total_timesteps
+        assert read_config(PPOConfig, folder) == LONG_RUN
+        assert [row["timesteps"] for row in history] == sorted(row["timesteps"] for row in history)
+        previous_timesteps = timesteps
+        if not is_killed:
+            assert not [file for file in folder.iterdir() if file.name.startswith(".")], "temporary files are left"
+            num_finished += 1
+            previous_timesteps = 0
+            folder = tmp_path / str(num_finished)
 
 
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # The file that could not be written.
-def test_a_full_disk_keeps_the_last_checkpoint(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """After a first checkpoint files may not grow beyond a few bytes; when they may again, the run goes on."""
-    folder, limits = tmp_path / "run", resource.getrlimit(resource.RLIMIT_FSIZE)
-    save, saved = runs.Checkpoints.save, []
+def test_full_disk_keeps_last_checkpoint(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A limit on file sizes ends a run after its first checkpoint; without the limit the run resumes from there."""
+    folder = tmp_path / "run"
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    save = EvalCheckpointCallback.save
+    saved: list[bytes] = []
 
-    def fill(checkpoints: runs.Checkpoints, name: str) -> None:
-        if len(saved) == 2:  # The first checkpoint, and that it is the best.
+    def save_with_full_disk(callback: EvalCheckpointCallback, name: str = "checkpoint.zip") -> None:
+        if len(saved) == 2:  # The first checkpoint, and the same model as the best one.
             resource.setrlimit(resource.RLIMIT_FSIZE, (4096, limits[1]))
-        save(checkpoints, name)
+        save(callback, name)
         saved.append((folder / name).read_bytes())
 
     with monkeypatch.context() as patched:
-        patched.setattr(runs.Checkpoints, "save", fill)
+        patched.setattr(EvalCheckpointCallback, "save", save_with_full_disk)
         try:
-            with pytest.raises(SystemExit, match=r"Could not save: .*The last checkpoint is whole.*--resume"):
-                train_ppo.main(dataclasses.replace(LONG, putts=128, out=folder))
+            with pytest.raises(SystemExit, match=r"Could not save: .*The last checkpoint is intact.*--resume"):
+                train_ppo.main(dataclasses.replace(LONG_RUN, total_timesteps=128, out=folder))
         finally:
             resource.setrlimit(resource.RLIMIT_FSIZE, limits)
     assert len(saved) == 2 and (folder / "checkpoint.zip").read_bytes() == saved[0]
     assert not [file.name for file in folder.iterdir() if file.name.startswith(".")]
-    train_ppo.main(train_ppo.Args(resume=folder))
-    assert played(folder) == 128
+    train_ppo.main(PPOConfig(resume=folder))
+    assert timesteps_of_checkpoint(folder) == 128

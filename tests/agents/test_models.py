@@ -1,4 +1,4 @@
-"""Models that stable-baselines3 saved, as the package plays them, and the one that ships."""
+"""Models saved by stable-baselines3 as the package plays them, and the release of pretrained models."""
 
 from __future__ import annotations
 
@@ -13,8 +13,10 @@ import pytest
 import torch
 from stable_baselines3 import PPO, SAC
 
-from agents import release_model as ship
-from agents import train_generalist, train_ppo
+from agents import release_model
+from agents.release_model import ReleaseConfig
+from agents.train_generalist import GeneralistConfig
+from agents.train_ppo import PPOConfig
 from minigolf_env.evaluation.evaluate import evaluate
 from minigolf_env.players import policies
 from minigolf_env.players.mlp import MLP, Layer
@@ -24,25 +26,32 @@ from minigolf_env.players.putt_features import NUM_FEATURES
 from minigolf_env.players.putt_value_model import PuttValueModel
 
 ENV = "minigolf_env:MiniGolf-v0"
-SMALL = {"n_steps": 8, "batch_size": 8}
-TANH, RELU = torch.nn.Tanh, torch.nn.ReLU
+TINY_ROLLOUT = {"n_steps": 8, "batch_size": 8}
+TANH = torch.nn.Tanh
+RELU = torch.nn.ReLU
 
 
 @pytest.mark.parametrize(
     ("algorithm", "options"),
     [
-        (PPO, SMALL),
-        (PPO, {**SMALL, "policy_kwargs": {"net_arch": [16, 8, 8], "activation_fn": RELU, "log_std_init": -1.0}}),
-        (PPO, {**SMALL, "policy_kwargs": {"net_arch": {"pi": [12], "vf": [3]}, "activation_fn": TANH}}),
+        (PPO, TINY_ROLLOUT),
+        (
+            PPO,
+            {**TINY_ROLLOUT, "policy_kwargs": {"net_arch": [16, 8, 8], "activation_fn": RELU, "log_std_init": -1.0}},
+        ),
+        (PPO, {**TINY_ROLLOUT, "policy_kwargs": {"net_arch": {"pi": [12], "vf": [3]}, "activation_fn": TANH}}),
         (SAC, {"policy_kwargs": {"net_arch": [16, 16]}}),
     ],
     ids=["PPO", "PPO relu", "PPO tanh", "SAC"],
 )
 @pytest.mark.parametrize("observation", ["state", "rays"])
-def test_a_saved_model_plays_as_it_predicts(
+def test_saved_model_plays_as_it_predicts(
     tmp_path: Path, algorithm: Any, options: dict[str, Any], observation: str
 ) -> None:
-    """To float32 rounding, beyond the action space's edge too, single and batched, through either file."""
+    """Policies of both file formats, single and batched, agree with ``predict`` to float32 rounding.
+
+    This includes outputs beyond the bounds of the action space.
+    """
     model = algorithm("MlpPolicy", gym.make(ENV, observation=observation), seed=0, device="cpu", **options)
     for weights in model.policy.parameters():
         torch.nn.init.normal_(weights, std=0.5)
@@ -60,48 +69,50 @@ def test_a_saved_model_plays_as_it_predicts(
     assert all(policy.act(row, env).tobytes() == putt.tobytes() for row, putt in zip(observations, putts, strict=True))
 
 
-def test_other_networks_are_refused(tmp_path: Path) -> None:
-    """A CNN's file says how to play it all the same; a model of other numbers says which are known."""
-    PPO("CnnPolicy", gym.make(ENV, observation="pixels"), device="cpu", **SMALL).save(tmp_path / "cnn.zip")
+def test_rejects_models_of_other_networks(tmp_path: Path) -> None:
+    """For a CNN the message names the policy that plays it; for other observations it lists the known ones."""
+    PPO("CnnPolicy", gym.make(ENV, observation="pixels"), device="cpu", **TINY_ROLLOUT).save(tmp_path / "cnn.zip")
     with pytest.raises(ValueError, match="SB3Policy"):
         ModelPolicy(tmp_path / "cnn.zip")
-    PPO("MlpPolicy", gym.make("MountainCarContinuous-v0"), device="cpu", **SMALL).save(tmp_path / "car.zip")
+    PPO("MlpPolicy", gym.make("MountainCarContinuous-v0"), device="cpu", **TINY_ROLLOUT).save(tmp_path / "car.zip")
     with pytest.raises(ValueError, match="2 outputs"):
         ModelPolicy(tmp_path / "car.zip")
 
 
-def test_the_model_that_ships(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A run's best becomes "ppo", with a card that says how to train it and what it scores; nothing else does."""
-    run, shipped = tmp_path / "run", tmp_path / "models" / "dogleg.npz"
+def test_release_of_ppo_model(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The best model of a run becomes policy "ppo", with its command and scores; a changed file is rejected."""
+    run = tmp_path / "run"
+    released = tmp_path / "models" / "dogleg.npz"
     run.mkdir()
-    monkeypatch.setattr(policies, "PRETRAINED_FOLDER", shipped.parent)
+    monkeypatch.setattr(policies, "PRETRAINED_FOLDER", released.parent)
     with pytest.raises(FileNotFoundError, match="train one"):
         load_policy("ppo")
-    PPO("MlpPolicy", gym.make(ENV), seed=0, device="cpu", **SMALL).save(run / "best.zip")
-    trained = train_ppo.Args(seed=7)
-    (run / "args.json").write_text(json.dumps({**dataclasses.asdict(trained), "out": None, "resume": None}))
-    ship.main(ship.Args(run, folder=shipped.parent, episodes=3))
-    card = json.loads(shipped.with_suffix(".json").read_text())
+    PPO("MlpPolicy", gym.make(ENV), seed=0, device="cpu", **TINY_ROLLOUT).save(run / "best.zip")
+    config = PPOConfig(seed=7)
+    (run / "config.json").write_text(json.dumps({**dataclasses.asdict(config), "out": None, "resume": None}))
+    release_model.main(ReleaseConfig(run, folder=released.parent, n_episodes=3))
+    card = json.loads(released.with_suffix(".json").read_text())
     assert card["command"] == "python -m agents.train_ppo --seed 7"
     assert {"torch", "numpy", "minigolf_env"} <= set(card["versions"])
     policy = load_policy("ppo")
     assert json.loads(json.dumps(dataclasses.asdict(evaluate(policy, "ppo", episodes=3, quiet=True)))) in card["scores"]
-    with shipped.open("ab") as file:
+    with released.open("ab") as file:
         file.write(b"x")
     with pytest.raises(ValueError, match="install again"):
         load_policy("ppo")
 
 
-def test_a_generalist_ships(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """With its own program's command, and a score on each difficulty, without noise and with it."""
-    run, models = tmp_path / "run", tmp_path / "models"
+def test_release_of_generalist(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The card has the command of its own program, and a score on each difficulty, without putt noise and with it."""
+    run = tmp_path / "run"
+    models = tmp_path / "models"
     run.mkdir()
     monkeypatch.setattr(policies, "PRETRAINED_FOLDER", models)
     weights = np.random.default_rng(0).normal(size=(NUM_FEATURES, 2)).astype(np.float32)
     save_model(PuttValueModel(MLP((Layer(weights, np.zeros(2, np.float32)),))), run / "best.npz")
-    trained = train_generalist.Args(seed=7)
-    (run / "args.json").write_text(json.dumps({**dataclasses.asdict(trained), "out": None, "resume": None}))
-    ship.main(ship.Args(run, folder=models, episodes=2))
+    config = GeneralistConfig(seed=7)
+    (run / "config.json").write_text(json.dumps({**dataclasses.asdict(config), "out": None, "resume": None}))
+    release_model.main(ReleaseConfig(run, folder=models, n_episodes=2))
     card = json.loads((models / "procedural.json").read_text())
     assert card["command"] == "python -m agents.train_generalist --seed 7"
     assert [score["difficulty"] for score in card["scores"]] == ["easy", "easy", "medium", "medium"]

@@ -1,4 +1,4 @@
-"""The training program on a tiny budget."""
+"""The PPO sample and what all samples share, on tiny budgets."""
 
 from __future__ import annotations
 
@@ -12,37 +12,78 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+import torch
 from stable_baselines3 import PPO
 
-from agents import runs, train_ppo
+from agents import train_ppo
+from agents.run_evaluation import EvalCheckpointCallback
+from agents.train_ppo import LogStdSchedule, PPOConfig
+from agents.training_run import create_run_folder, save_on_interrupt, start_run
 
-TINY = train_ppo.Args(
-    putts=256,
-    num_envs=16,
+TINY = PPOConfig(
+    total_timesteps=256,
+    n_envs=16,
     n_steps=4,
     batch_size=64,
-    check_every=128,
-    check_episodes=2,
-    final_episodes=2,
-    search_episodes=0,
+    eval_freq=128,
+    n_eval_episodes=2,
+    n_test_episodes=2,
+    n_search_episodes=0,
 )
 
 
-def test_a_run_learns_saves_and_scores(tmp_path: Path) -> None:
-    """All putts are played; checkpoint, best model, arguments and scores are in the folder; it is never overwritten."""
+def test_run_learns_saves_and_evaluates(tmp_path: Path) -> None:
+    """All time steps are used; checkpoint, best model, configuration and scores are stored; no run is overwritten."""
     folder = tmp_path / "run"
     scores = train_ppo.main(dataclasses.replace(TINY, out=folder))
     assert [score.policy for score in scores] == ["random", "PPO"]
-    assert PPO.load(folder / "checkpoint.zip").num_timesteps == TINY.putts
-    assert json.loads((folder / "scores.json").read_text())["scores"][1]["episodes"] == TINY.final_episodes
-    assert {file.name for file in folder.iterdir()} >= {"best.zip", "args.json", "progress.json"}
-    assert not [file for file in folder.iterdir() if file.name.startswith(".")], "half-written files"
+    assert PPO.load(folder / "checkpoint.zip").num_timesteps == TINY.total_timesteps
+    assert json.loads((folder / "scores.json").read_text())["scores"][1]["episodes"] == TINY.n_test_episodes
+    assert {file.name for file in folder.iterdir()} >= {"best.zip", "config.json", "progress.json"}
+    assert not [file for file in folder.iterdir() if file.name.startswith(".")], "temporary files are left"
     with pytest.raises(SystemExit, match="exists"):
         train_ppo.main(dataclasses.replace(TINY, out=folder))
 
 
+def test_same_seed_gives_same_model_bitwise(tmp_path: Path) -> None:
+    """Another seed gives another model."""
+    weights = []
+    for name, seed in (("a", 3), ("b", 3), ("c", 4)):
+        train_ppo.main(dataclasses.replace(TINY, out=tmp_path / name, seed=seed))
+        policy = PPO.load(tmp_path / name / "checkpoint.zip").policy
+        weights.append(torch.nn.utils.parameters_to_vector(policy.parameters()))
+    assert torch.equal(weights[0], weights[1]) and not torch.equal(weights[0], weights[2])
+
+
+def test_run_starts_from_given_weights(tmp_path: Path) -> None:
+    """With a learning rate of zero a run ends with the weights that it starts from, whatever its seed."""
+    train_ppo.main(dataclasses.replace(TINY, out=tmp_path / "a"))
+    weights = tmp_path / "a" / "checkpoint.zip"
+    train_ppo.main(dataclasses.replace(TINY, out=tmp_path / "b", seed=5, init_weights=weights, learning_rate=0.0))
+    before, after = (PPO.load(path / "checkpoint.zip").policy.state_dict() for path in (tmp_path / "a", tmp_path / "b"))
+    assert all(torch.equal(before[name], after[name]) for name in before)
+    with pytest.raises(SystemExit, match="init_weights"):
+        train_ppo.main(dataclasses.replace(TINY, out=tmp_path / "c", init_weights=tmp_path / "none.zip"))
+
+
+def test_annealed_noise_follows_linear_schedule(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The noise depends on the time steps alone; each rollout is played with the noise of its start."""
+    observed: list[tuple[int, float]] = []
+
+    class RecordingSchedule(LogStdSchedule):
+        def _on_step(self) -> bool:
+            observed.append((self.num_timesteps, float(self.log_std[0])))
+            return True
+
+    monkeypatch.setattr(train_ppo, "LogStdSchedule", RecordingSchedule)
+    config = dataclasses.replace(TINY, total_timesteps=128, log_std_init=-1.0, log_std_final=-3.0)
+    train_ppo.main(dataclasses.replace(config, anneal_std=True, out=tmp_path / "run"))
+    assert {log_std for timesteps, log_std in observed if timesteps <= 64} == {-1.0}
+    assert {log_std for timesteps, log_std in observed if timesteps > 64} == {-2.0}
+
+
 @pytest.mark.parametrize(
-    ("strokes", "seeds", "tried"),
+    ("mean_strokes", "max_runs", "expected_seeds"),
     [
         ((1.0,), 3, [5]),
         ((1.09,), 3, [5]),
@@ -51,117 +92,148 @@ def test_a_run_learns_saves_and_scores(tmp_path: Path) -> None:
         ((1.3,), 1, [5]),
     ],
 )
-def test_a_run_that_got_stuck_is_followed_by_another(
-    strokes: tuple[float, ...], seeds: int, tried: list[int], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_stuck_run_is_followed_by_next_seed(
+    mean_strokes: tuple[float, ...],
+    max_runs: int,
+    expected_seeds: list[int],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Each with the next seed and a folder of its own, until one comes near to search or no seeds are left."""
-    ran: list[train_ppo.Args] = []
+    """Each run has the next seed and its own folder, until one comes close to search or ``max_runs`` is reached."""
+    configs: list[PPOConfig] = []
 
-    def run(args: train_ppo.Args, *_: object) -> list[Any]:
-        ran.append(args)
-        return [SimpleNamespace(strokes=mean) for mean in (9.0, 1.0, strokes[len(ran) - 1])]
+    def fake_main(config: PPOConfig) -> list[Any]:
+        configs.append(config)
+        return [SimpleNamespace(strokes=strokes) for strokes in (9.0, 1.0, mean_strokes[len(configs) - 1])]
 
-    monkeypatch.setattr(runs, "run", run)
-    scores = train_ppo.main(train_ppo.Args(seed=5, seeds=seeds, out=tmp_path / "run"))
-    assert [args.seed for args in ran] == tried and scores[-1].strokes == strokes[len(tried) - 1]
-    assert len({args.out for args in ran}) == len(tried)
-
-
-def test_more_seeds_need_search() -> None:
-    """Without it nothing tells that a run got stuck: that is said before it begins."""
-    with pytest.raises(SystemExit, match="seeds: expected 1 without search"):
-        train_ppo.main(train_ppo.Args(seeds=2, search_episodes=0))
+    monkeypatch.setattr(train_ppo, "main", fake_main)
+    scores = train_ppo.train_until_learned(PPOConfig(seed=5, max_runs=max_runs, out=tmp_path / "run"))
+    assert [config.seed for config in configs] == expected_seeds
+    assert scores[-1].strokes == mean_strokes[len(expected_seeds) - 1]
+    assert len({config.out for config in configs}) == len(expected_seeds)
 
 
-def test_an_interrupted_run_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Ctrl-C saves; --resume plays just the putts that were left, with the run's own arguments."""
+def test_several_runs_need_search() -> None:
+    """Without search nothing shows that a run got stuck, so the arguments are rejected before the first run."""
+    with pytest.raises(SystemExit, match="max_runs: expected 1 without search"):
+        train_ppo.train_until_learned(PPOConfig(max_runs=2, n_search_episodes=0))
+
+
+def test_rejects_zero_runs() -> None:
+    """At least one run is expected."""
+    with pytest.raises(SystemExit, match="max_runs: expected at least 1"):
+        train_ppo.train_until_learned(PPOConfig(max_runs=0))
+
+
+def test_interrupted_run_resumes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ctrl-C saves; --resume uses exactly the time steps that remain, with the stored configuration."""
     folder = tmp_path / "run"
 
-    def interrupt(callback: runs.Checkpoints) -> bool:
-        if callback.num_timesteps >= TINY.putts / 2:
+    def interrupt(callback: EvalCheckpointCallback) -> bool:
+        if callback.num_timesteps >= TINY.total_timesteps / 2:
             raise KeyboardInterrupt
         return True
 
     with monkeypatch.context() as patched:
-        patched.setattr(runs.Checkpoints, "_on_step", interrupt)
+        patched.setattr(EvalCheckpointCallback, "_on_step", interrupt)
         with pytest.raises(SystemExit, match="--resume"):
             train_ppo.main(dataclasses.replace(TINY, out=folder))
-    interrupted = PPO.load(folder / "checkpoint.zip").num_timesteps
-    assert TINY.putts / 2 <= interrupted < TINY.putts
-    train_ppo.main(train_ppo.Args(resume=folder))
+    interrupted_at = PPO.load(folder / "checkpoint.zip").num_timesteps
+    assert TINY.total_timesteps / 2 <= interrupted_at < TINY.total_timesteps
+    train_ppo.main(PPOConfig(resume=folder))
     model = PPO.load(folder / "checkpoint.zip")
-    assert model.num_timesteps == TINY.putts and model.n_envs == TINY.num_envs
+    assert model.num_timesteps == TINY.total_timesteps and model.n_envs == TINY.n_envs
 
 
-class Trap:
-    """Makes a file when it is unpickled."""
+class PickledTrap:
+    """Object that creates a file when it is unpickled."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Return what unpickling calls."""
+        """Return the function that unpickling calls, and its arguments."""
         return Path.touch, (self.path,)
 
 
-def test_going_on_with_a_strangers_run_runs_no_code_of_its_files(tmp_path: Path) -> None:
-    """Neither of its checkpoint nor of its best model; stable-baselines3's own load would."""
-    folder, trap = tmp_path / "run", tmp_path / "sprung"
+def test_resuming_runs_no_pickled_code(tmp_path: Path) -> None:
+    """Code pickled in the checkpoint or the best model does not run; stable-baselines3's own ``load`` runs it."""
+    folder = tmp_path / "run"
+    created_file = tmp_path / "created"
     train_ppo.main(dataclasses.replace(TINY, out=folder))
     for file in (folder / "checkpoint.zip", folder / "best.zip"):
         with zipfile.ZipFile(file) as archive:
             entries = {name: archive.read(name) for name in archive.namelist()}
-        about = json.loads(entries["data"])
-        about["trap"] = {":type:": "trap", ":serialized:": base64.b64encode(pickle.dumps(Trap(trap))).decode()}
+        data = json.loads(entries["data"])
+        pickled = base64.b64encode(pickle.dumps(PickledTrap(created_file))).decode()
+        data["trap"] = {":type:": "trap", ":serialized:": pickled}
         with zipfile.ZipFile(file, "w") as archive:
-            for name, content in {**entries, "data": json.dumps(about)}.items():
+            for name, content in {**entries, "data": json.dumps(data)}.items():
                 archive.writestr(name, content)
-    train_ppo.main(train_ppo.Args(resume=folder))
-    assert not trap.exists()
+    train_ppo.main(PPOConfig(resume=folder))
+    assert not created_file.exists()
     PPO.load(folder / "best.zip")
-    assert trap.exists()
+    assert created_file.exists()
 
 
-def test_resuming_nothing_is_refused(tmp_path: Path) -> None:
-    """A folder without a run ends the program with one line."""
+def test_rejects_resuming_folder_without_run(tmp_path: Path) -> None:
+    """The program ends with one line."""
     with pytest.raises(SystemExit, match="resume"):
-        train_ppo.main(train_ppo.Args(resume=tmp_path))
+        train_ppo.main(PPOConfig(resume=tmp_path))
 
 
 @pytest.mark.parametrize("text", ["{", "[]", "\xff"], ids=str)
-def test_resuming_with_damaged_arguments_is_refused(tmp_path: Path, text: str) -> None:
-    """With one line, too."""
-    (tmp_path / "args.json").write_bytes(text.encode("latin-1"))
+def test_rejects_resuming_damaged_configuration(tmp_path: Path, text: str) -> None:
+    """The program ends with one line."""
+    (tmp_path / "config.json").write_bytes(text.encode("latin-1"))
     with pytest.raises(SystemExit, match=r"resume: expected .*run"):
-        train_ppo.main(train_ppo.Args(resume=tmp_path))
+        train_ppo.main(PPOConfig(resume=tmp_path))
 
 
-def test_a_folder_that_cannot_be_made_is_refused(tmp_path: Path) -> None:
-    """With the system's reason and a remedy."""
+def test_rejects_folder_that_cannot_be_created(tmp_path: Path) -> None:
+    """The message has the system's reason and what to do."""
     (tmp_path / "file").touch()
     with pytest.raises(SystemExit, match=r"out: .*Not a directory.*choose another folder"):
-        runs.begin(dataclasses.replace(TINY, out=tmp_path / "file" / "run"))
+        start_run(dataclasses.replace(TINY, out=tmp_path / "file" / "run"))
 
 
-def test_of_two_starts_at_once_each_has_its_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The slower one takes the next name, rather than be told to go on with the other's run."""
+@pytest.mark.parametrize(
+    ("invalid", "message"),
+    [
+        ({"course": "dogleggy"}, "did you mean 'dogleg'"),
+        ({"difficulty": "medium"}, "difficulty"),
+        ({"reward": "none"}, "reward"),
+        ({"n_test_episodes": 0}, "n_test_episodes"),
+        ({"course": "procedural", "num_levels": 3_000_000}, "num_levels"),
+    ],
+    ids=str,
+)
+def test_invalid_arguments_create_no_folder(invalid: dict[str, Any], message: str, tmp_path: Path) -> None:
+    """Arguments are checked before anything is written."""
+    with pytest.raises(SystemExit, match=message):
+        train_ppo.main(dataclasses.replace(TINY, **invalid, out=tmp_path / "run"))
+    assert not list(tmp_path.iterdir())
+
+
+def test_simultaneous_runs_get_different_folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The slower of two programs takes the next free name if the other one has just created its folder."""
     monkeypatch.chdir(tmp_path)
     mkdir = Path.mkdir
 
-    def too_late(path: Path, *args: Any, **options: Any) -> None:
+    def mkdir_too_late(path: Path, *args: Any, **options: Any) -> None:
         if path.name == "dogleg-1":
             mkdir(path, parents=True, exist_ok=True)
         mkdir(path, *args, **options)
 
-    monkeypatch.setattr(Path, "mkdir", too_late)
-    assert runs.new_folder(TINY) == Path("runs/dogleg-2")
+    monkeypatch.setattr(Path, "mkdir", mkdir_too_late)
+    assert create_run_folder(TINY) == Path("runs/dogleg-2")
 
 
-def test_an_interruption_on_a_full_disk_ends_with_one_line(tmp_path: Path) -> None:
-    """It could not save, and says so."""
+def test_interrupt_on_full_disk_ends_with_one_line(tmp_path: Path) -> None:
+    """The message says that the checkpoint could not be saved."""
 
     def save() -> None:
         raise OSError(28, "No space left on device")
 
-    with pytest.raises(SystemExit, match=r"Could not save: .*No space.*--resume"), runs.stoppable(tmp_path, save):
+    with pytest.raises(SystemExit, match=r"Could not save: .*No space.*--resume"), save_on_interrupt(tmp_path, save):
         raise KeyboardInterrupt

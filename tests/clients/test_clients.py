@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import torch
 
-from agents.train_ppo import Args
+from agents.train_ppo import PPOConfig
 from docs.examples import cleanrl_ppo
 from tests.markdown import blocks
 
@@ -105,14 +105,14 @@ def test_zoo_settings_equal_those_of_train_ppo() -> None:
     """By their names; environments times steps make an update of the same size."""
     text = (DOCS / "examples" / "zoo" / "ppo.yml").read_text()
     settings = dict(re.findall(r"^  (\w+): (.+)$", text, flags=re.MULTILINE))
-    args = Args()
+    config = PPOConfig()
     for name in ("batch_size", "n_epochs", "gamma", "gae_lambda", "target_kl"):
-        assert float(settings[name]) == getattr(args, name), name
-    assert settings["learning_rate"] == f"lin_{args.learning_rate:.0e}".replace("e-0", "e-")
-    assert int(settings["n_envs"]) * int(settings["n_steps"]) == args.num_envs * args.n_steps
-    assert float(settings["n_timesteps"].removeprefix("!!float ")) == args.putts
-    assert settings["policy_kwargs"] == f"dict(net_arch={list(args.hidden)}, log_std_init={args.log_std[0]})"
-    assert not args.anneal and "callback" not in text
+        assert float(settings[name]) == getattr(config, name), name
+    assert settings["learning_rate"] == f"lin_{config.learning_rate:.0e}".replace("e-0", "e-")
+    assert int(settings["n_envs"]) * int(settings["n_steps"]) == config.n_envs * config.n_steps
+    assert float(settings["n_timesteps"].removeprefix("!!float ")) == config.total_timesteps
+    assert settings["policy_kwargs"] == f"dict(net_arch={list(config.net_arch)}, log_std_init={config.log_std_init})"
+    assert not config.anneal_std and "callback" not in text
 
 
 def test_zoo_trains(tmp_path: Path) -> None:

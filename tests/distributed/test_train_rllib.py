@@ -1,4 +1,4 @@
-"""RLlib's PPO on two nodes: it learns, outlives its workers and its interruptions, and is read without Ray."""
+"""RLlib's PPO on two nodes: learning, killed workers, interruptions, and models that play without Ray."""
 
 from __future__ import annotations
 
@@ -15,14 +15,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from agents import runs, train_rllib
+from agents import train_rllib
 from agents.cluster import connect
+from agents.train_rllib import MODULE_ID, RLlibConfig, RLlibTrainer, timesteps_of
+from agents.training_run import save_on_interrupt
 from minigolf_env.evaluation.evaluate import evaluate
 from minigolf_env.players.policies import SB3Policy
 
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::ResourceWarning")
 
-EASY = """
+EASY_COURSE = """
 name = "easy"
 par = 2
 about = "Straight on into a bucket."
@@ -43,131 +45,137 @@ outline = [{ polygon = [[0, -0.5], [2.5, -0.5], [2.5, 0.5], [0, 0.5]] }]
 
 
 @pytest.fixture
-def args(cluster: Any, tmp_path: Path) -> train_rllib.Args:
+def config(cluster: Any, tmp_path: Path) -> RLlibConfig:
     """Return a short run on the cluster, on a hole that is learned in some thousand putts."""
     course = tmp_path / "easy.toml"
-    course.write_text(EASY)
-    return train_rllib.Args(
+    course.write_text(EASY_COURSE)
+    return RLlibConfig(
         course=str(course),
-        putts=12_000,
+        total_timesteps=12_000,
         out=tmp_path / "run",
         address=cluster.address,
-        num_envs=64,
+        n_envs=64,
         batch_size=256,
-        # The defaults are for 30 times as many putts: in so few they end at two strokes, with a tap-in.
+        # The defaults are for 30 times as many putts: with so few they end at two strokes, with a tap-in.
         gamma=0.9,
-        log_std=(-1.5, -2.5),
-        check_every=4_000,
-        check_episodes=20,
-        final_episodes=50,
-        search_episodes=0,
+        log_std_init=-1.5,
+        log_std_final=-2.5,
+        eval_freq=4_000,
+        n_eval_episodes=20,
+        n_test_episodes=50,
+        n_search_episodes=0,
     )
 
 
-def where(training: train_rllib.Training) -> list[tuple[str, int]]:
+def worker_locations(trainer: RLlibTrainer) -> list[tuple[str, int]]:
     """Return the node and the process of each worker."""
     import ray
 
-    def here(_: Any) -> tuple[str, int]:
+    def location(_: Any) -> tuple[str, int]:
         return ray.get_runtime_context().get_node_id(), os.getpid()
 
-    return sorted(training.algorithm.env_runner_group.foreach_env_runner(here, local_env_runner=False))
+    return sorted(trainer.algorithm.env_runner_group.foreach_env_runner(location, local_env_runner=False))
 
 
-def noise_of(training: train_rllib.Training) -> list[float]:
-    """Return log_std as the learner has it and each worker."""
+def log_std_everywhere(trainer: RLlibTrainer) -> list[float]:
+    """Return log_std of the learner and of each worker."""
     name = "pi.log_std"
-    states = training.algorithm.env_runner_group.foreach_env_runner(
+    worker_values = trainer.algorithm.env_runner_group.foreach_env_runner(
         lambda worker: worker.module.get_state()[name], local_env_runner=False
     )
-    mine = training.algorithm.learner_group.get_weights()[train_rllib.MODULE][name]
-    return np.concatenate([mine, *states]).tolist()
+    learner_values = trainer.algorithm.learner_group.get_weights()[MODULE_ID][name]
+    return np.concatenate([learner_values, *worker_values]).tolist()
 
 
-def test_scores_improve_and_a_killed_worker_is_replaced(
-    args: train_rllib.Args, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """A worker of each node plays; one is killed at the first checkpoint; the hole is learned all the same.
+def test_learns_and_replaces_killed_worker(config: RLlibConfig, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A worker of each node plays; one is killed at the first checkpoint, and the hole is learned nevertheless.
 
-    The noise has gone all its way by then, on the learner and on the workers, the new one too.
+    At the end the action noise has its final value on the learner and on the workers, including the new one.
     """
-    assert args.out is not None
-    places: list[list[tuple[str, int]]] = []
-    noises: list[list[float]] = []
-    first_strokes: list[float] = []
-    lend, check = train_rllib.Training.lend, train_rllib.Training.check
+    assert config.out is not None
+    locations: list[list[tuple[str, int]]] = []
+    log_stds: list[list[float]] = []
+    initial_strokes: list[float] = []
+    init_from_sb3 = RLlibTrainer.init_from_sb3
+    save_and_evaluate = RLlibTrainer.save_and_evaluate
 
-    def score(training: train_rllib.Training) -> float:
-        training.carry()
-        policy = SB3Policy(training.model, args.observation)
-        return evaluate(policy, "first", args.course, episodes=50, quiet=True).strokes
+    def init_and_evaluate(trainer: RLlibTrainer) -> None:
+        init_from_sb3(trainer)
+        trainer.sync_to_sb3()
+        policy = SB3Policy(trainer.model, config.observation)
+        initial_strokes.append(evaluate(policy, "initial", config.course, episodes=50, quiet=True).strokes)
 
-    def lend_and_score(training: train_rllib.Training) -> None:
-        lend(training)
-        first_strokes.append(score(training))
+    def save_evaluate_and_kill(trainer: RLlibTrainer) -> None:
+        save_and_evaluate(trainer)
+        locations.append(worker_locations(trainer))
+        log_stds.append(log_std_everywhere(trainer))
+        if len(locations) == 1:
+            os.kill(locations[0][0][1], signal.SIGKILL)
 
-    def check_and_kill(training: train_rllib.Training) -> None:
-        check(training)
-        places.append(where(training))
-        noises.append(noise_of(training))
-        if len(places) == 1:
-            os.kill(places[0][0][1], signal.SIGKILL)
-
-    monkeypatch.setattr(train_rllib.Training, "lend", lend_and_score)
-    monkeypatch.setattr(train_rllib.Training, "check", check_and_kill)
-    random, learned = train_rllib.main(args)
-    assert learned.strokes < 1.5 < random.strokes < first_strokes[0]
-    (first, second), after = places[0], places[-1]
-    assert first[0] != second[0], "a worker on each node"
-    assert second in after and first not in after and len(after) == 2, "one of them replaced"
-    assert args.log_std[1] < min(noises[0]) == max(noises[0]) < args.log_std[0]
-    assert np.allclose(noises[-1], args.log_std[1]) and len(noises[-1]) == 6
-    assert json.loads((args.out / "progress.json").read_text())[-1]["putts"] >= args.putts
+    monkeypatch.setattr(RLlibTrainer, "init_from_sb3", init_and_evaluate)
+    monkeypatch.setattr(RLlibTrainer, "save_and_evaluate", save_evaluate_and_kill)
+    random, learned = train_rllib.main(config)
+    assert learned.strokes < 1.5 < random.strokes < initial_strokes[0]
+    (killed, survivor), at_end = locations[0], locations[-1]
+    assert killed[0] != survivor[0], "a worker on each node"
+    assert survivor in at_end and killed not in at_end and len(at_end) == 2, "one of them replaced"
+    assert config.log_std_final < min(log_stds[0]) == max(log_stds[0]) < config.log_std_init
+    assert np.allclose(log_stds[-1], config.log_std_final) and len(log_stds[-1]) == 6
+    assert json.loads((config.out / "progress.json").read_text())[-1]["timesteps"] >= config.total_timesteps
 
 
-def test_an_interrupted_run_goes_on(args: train_rllib.Args, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Ctrl-C saves; --resume has the same weights, plays the putts that were left, and nothing half-written stays."""
-    assert args.out is not None
+def test_interrupted_run_resumes(config: RLlibConfig, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ctrl-C saves; --resume has the same weights and plays the remaining putts; no temporary files are left."""
+    assert config.out is not None
     weights: list[dict[str, Any]] = []
-    keep, learn = train_rllib.Training.keep, train_rllib.Training.learn
+    save_rllib_checkpoint = RLlibTrainer.save_rllib_checkpoint
+    learn = RLlibTrainer.learn
 
-    def remember(training: train_rllib.Training) -> None:
-        weights.append(training.algorithm.learner_group.get_weights()[train_rllib.MODULE])
+    def record_weights(trainer: RLlibTrainer) -> None:
+        weights.append(trainer.algorithm.learner_group.get_weights()[MODULE_ID])
 
-    def interrupt(training: train_rllib.Training) -> None:
+    def record_and_save(trainer: RLlibTrainer) -> None:
+        record_weights(trainer)
+        save_rllib_checkpoint(trainer)
+
+    def record_and_learn(trainer: RLlibTrainer) -> None:
+        record_weights(trainer)
+        learn(trainer)
+
+    def interrupt(trainer: RLlibTrainer) -> None:
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patched:
-        patched.setattr(train_rllib.Training, "check", interrupt)
-        patched.setattr(train_rllib.Training, "keep", lambda training: (remember(training), keep(training)))
+        patched.setattr(RLlibTrainer, "save_and_evaluate", interrupt)
+        patched.setattr(RLlibTrainer, "save_rllib_checkpoint", record_and_save)
         with pytest.raises(SystemExit, match="--resume"):
-            train_rllib.main(args)
-    (checkpoint,) = args.out.glob("checkpoint-*")
-    assert args.check_every <= train_rllib.putts_of(checkpoint) < args.putts
-    monkeypatch.setattr(train_rllib.Training, "learn", lambda training: (remember(training), learn(training)))
-    train_rllib.main(train_rllib.Args(resume=args.out, address=args.address))
-    (checkpoint,) = args.out.glob("checkpoint-*")
-    assert args.putts <= train_rllib.putts_of(checkpoint) < args.putts + args.check_every
-    assert not [file for file in args.out.iterdir() if file.name.startswith(".")], "half-written files"
+            train_rllib.main(config)
+    (checkpoint,) = config.out.glob("checkpoint-*")
+    assert config.eval_freq <= timesteps_of(checkpoint) < config.total_timesteps
+    monkeypatch.setattr(RLlibTrainer, "learn", record_and_learn)
+    train_rllib.main(RLlibConfig(resume=config.out, address=config.address))
+    (checkpoint,) = config.out.glob("checkpoint-*")
+    assert config.total_timesteps <= timesteps_of(checkpoint) < config.total_timesteps + config.eval_freq
+    assert not [file for file in config.out.iterdir() if file.name.startswith(".")], "temporary files are left"
     saved, resumed = weights
     assert all(np.array_equal(saved[name], resumed[name]) for name in saved)
 
 
-def test_the_exported_model_plays_the_same_putts_without_ray(args: train_rllib.Args, tmp_path: Path) -> None:
-    """RLlib's network and the file's agree, where nothing of Ray can be imported."""
+def test_exported_model_plays_same_putts_without_ray(config: RLlibConfig, tmp_path: Path) -> None:
+    """RLlib's network and the exported model agree in a process that cannot import Ray."""
     import torch
 
-    ray = connect(args.address)
+    ray = connect(config.address)
     (folder := tmp_path / "exported").mkdir()
-    training = train_rllib.Training(args, folder)
+    trainer = RLlibTrainer(config, folder)
     observations = np.random.default_rng(0).uniform(-1, 1, (100, 10)).astype(np.float32)
-    training.algorithm.train()
+    trainer.algorithm.train()
     with torch.no_grad():
-        means = training.algorithm.get_module().forward_inference({"obs": torch.as_tensor(observations)})
+        means = trainer.algorithm.get_module().forward_inference({"obs": torch.as_tensor(observations)})
     np.save(tmp_path / "observations.npy", observations)
-    training.carry()
-    training.save("model.zip")
-    training.algorithm.stop()
+    trainer.sync_to_sb3()
+    trainer.save("model.zip")
+    trainer.algorithm.stop()
     ray.shutdown()
     code = """if True:
         import sys
@@ -183,36 +191,36 @@ def test_the_exported_model_plays_the_same_putts_without_ray(args: train_rllib.A
     assert np.ptp(expected) > 0.0
 
 
-@pytest.mark.parametrize("mistake", [{"observation": "pixels"}, {"num_env_runners": 0}], ids=str)
-def test_what_it_cannot_learn_from_is_refused(args: train_rllib.Args, mistake: dict[str, Any]) -> None:
-    """With a line, before there is a folder."""
+@pytest.mark.parametrize("invalid", [{"observation": "pixels"}, {"num_env_runners": 0}], ids=str)
+def test_invalid_arguments_create_no_folder(config: RLlibConfig, invalid: dict[str, Any]) -> None:
+    """The program ends with one line."""
     with pytest.raises(SystemExit, match="expected"):
-        train_rllib.main(dataclasses.replace(args, **mistake))
-    assert args.out is not None and not args.out.exists()
+        train_rllib.main(dataclasses.replace(config, **invalid))
+    assert config.out is not None and not config.out.exists()
 
 
-def test_more_workers_than_cores_are_refused(args: train_rllib.Args) -> None:
-    """RLlib would wait for ever."""
+def test_rejects_more_workers_than_cores(config: RLlibConfig) -> None:
+    """RLlib itself would wait for the cores for ever."""
     with pytest.raises(SystemExit, match="at most 2"):
-        train_rllib.main(dataclasses.replace(args, num_learners=1))
+        train_rllib.main(dataclasses.replace(config, num_learners=1))
 
 
 @pytest.mark.parametrize("address", ["127.0.0.1:1", "nowhere"])
-def test_a_wrong_address_is_one_line(cluster: Any, address: str) -> None:
-    """No cluster, no traceback."""
+def test_unreachable_address_ends_with_one_line(cluster: Any, address: str) -> None:
+    """An address without a cluster ends the program without a traceback."""
     with pytest.raises(SystemExit, match="address: expected"):
         connect(address)
 
 
-def test_without_ray_a_line_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
-    """In whatever environment the program is started."""
+def test_missing_ray_ends_with_install_command(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The message names the command that installs Ray."""
     monkeypatch.setitem(sys.modules, "ray", None)
     with pytest.raises(SystemExit, match="pip install"):
         connect()
 
 
-class Kept:
-    """What stands for RLlib's learner: its checkpoint is a folder with a file."""
+class FakeAlgorithm:
+    """Stand-in for RLlib's algorithm, whose checkpoint is a folder with one file."""
 
     def save_to_path(self, path: str) -> None:
         """Write the checkpoint."""
@@ -220,31 +228,34 @@ class Kept:
         (Path(path) / "weights").touch()
 
 
-def test_at_no_moment_is_the_folder_without_a_checkpoint(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Before and after each removal and each rename, a whole one is there to go on from; in the end one alone."""
-    training = train_rllib.Training.__new__(train_rllib.Training)
-    training.folder, training.algorithm, training.num_timesteps = tmp_path, Kept(), 100
-    training.keep()
+def test_folder_always_has_a_complete_checkpoint(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """After each removal and rename there is a complete checkpoint to resume from; at the end there is only one."""
+    trainer = RLlibTrainer.__new__(RLlibTrainer)
+    trainer.folder = tmp_path
+    trainer.algorithm = FakeAlgorithm()
+    trainer.num_timesteps = 100
+    trainer.save_rllib_checkpoint()
 
-    def watch(module: Any, name: str) -> None:
-        change = getattr(module, name)
+    def check_after_each_call(module: Any, name: str) -> None:
+        function = getattr(module, name)
 
-        def watched(*args: Any, **options: Any) -> None:
-            change(*args, **options)
-            assert (training.kept()[-1] / "weights").is_file()
+        def checked(*args: Any, **options: Any) -> None:
+            function(*args, **options)
+            assert (trainer.checkpoints()[-1] / "weights").is_file()
 
-        monkeypatch.setattr(module, name, watched)
+        monkeypatch.setattr(module, name, checked)
 
-    watch(shutil, "rmtree")
-    watch(train_rllib, "commit")
-    for training.num_timesteps in (100, 100, 200):
-        training.keep()
+    check_after_each_call(shutil, "rmtree")
+    check_after_each_call(train_rllib, "commit")
+    for timesteps in (100, 100, 200):
+        trainer.num_timesteps = timesteps
+        trainer.save_rllib_checkpoint()
     assert [file.name for file in tmp_path.iterdir()] == ["checkpoint-200"]
 
 
-def test_a_timeout_of_rays_is_not_taken_for_a_full_disk(tmp_path: Path) -> None:
-    """To Python it is an OSError, too."""
-    with pytest.raises(TimeoutError), runs.stoppable(tmp_path, lambda: None):
+def test_timeout_of_ray_is_not_reported_as_full_disk(tmp_path: Path) -> None:
+    """TimeoutError is a subclass of OSError."""
+    with pytest.raises(TimeoutError), save_on_interrupt(tmp_path):
         raise TimeoutError("Get timed out: some object(s) not ready.")
-    with pytest.raises(SystemExit, match="Could not save"), runs.stoppable(tmp_path, lambda: None):
+    with pytest.raises(SystemExit, match="Could not save"), save_on_interrupt(tmp_path):
         raise OSError(28, "No space left on device")

@@ -1,0 +1,259 @@
+"""What the sample training programs share: configuration, run folder, environments, interruption and resumption.
+
+A run folder contains
+
+- ``config.json``: the configuration of the run;
+- ``checkpoint.zip``: the newest model, from which the run resumes;
+- ``best.zip``: the model that needed the fewest strokes in an evaluation;
+- ``progress.json``: the evaluations;
+- ``scores.json``: the closing table;
+- ``log_0``: the TensorBoard log.
+
+Files are written atomically, so that a run that is killed at any moment resumes from its last checkpoint.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import itertools
+import json
+import zipfile
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+import gymnasium as gym
+from rich.console import Console
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
+from stable_baselines3.common.save_util import load_from_zip_file
+from stable_baselines3.common.vec_env import VecMonitor
+
+from agents.sb3_vec_env import SB3VecEnv
+from minigolf_env._atomic_io import remove_stale_temps, write_text
+from minigolf_env.players.model_files import check_sb3_file
+
+CONSOLE = Console()
+
+
+@dataclass(frozen=True)
+class TrainConfig:
+    """Command-line arguments of every training program."""
+
+    course: str = "dogleg"
+    """Name or file of a course, or "procedural" for generated levels."""
+    difficulty: str | None = None
+    """Difficulty of generated levels: easy, medium or hard."""
+    num_levels: int | None = None
+    """Number of generated levels to train on, from level 0; evaluations use other levels."""
+    observation: str = "state"
+    """Observation of the environment: state, rays, bounce_rays or pixels."""
+    reward: str = "shaped"
+    """Reward of the environment: shaped or strokes."""
+    putt_noise: tuple[float, float] = (0.0, 0.0)
+    """Standard deviations of a putt's direction (degrees) and speed (fraction of it), in training and evaluation."""
+
+    total_timesteps: int = 400_000
+    """Number of putts to train on; a time step is a putt."""
+    seed: int = 0
+    """RNG seed. An uninterrupted run with the same arguments on the same machine gives the same model, bit for bit."""
+    out: Path | None = None
+    """New folder for the run; by default the first free one of runs/COURSE-1, runs/COURSE-2, ..."""
+    resume: Path | None = None
+    """Folder of a run to resume, with its stored arguments; the other arguments of this command line are ignored."""
+    init_weights: Path | None = None
+    """Model file of the same program whose weights a new run starts from, for a curriculum from easy to hard."""
+
+    n_envs: int = 1024
+    """Number of environments stepped as one batch."""
+    eval_freq: int = 50_000
+    """Number of time steps between two checkpoints; each is evaluated, and the best one is kept."""
+    n_eval_episodes: int = 500
+    """Number of episodes in the evaluation of a checkpoint."""
+    eval_seed: int = 2_000_000
+    """First seed, or first level, of these episodes; the closing table uses others."""
+    n_test_episodes: int = 1000
+    """Number of episodes in the closing table; random play, which is slow, gets a tenth of them."""
+    n_search_episodes: int = 30
+    """Number of episodes of search in the closing table; 0 leaves search out."""
+
+    @property
+    def task(self) -> dict[str, Any]:
+        """Arguments that training environments and evaluations have in common."""
+        return {"course": self.course, "difficulty": self.difficulty, "putt_noise": self.putt_noise}
+
+    @property
+    def eval_tasks(self) -> list[dict[str, Any]]:
+        """Tasks that checkpoints and the final model are evaluated on."""
+        return [self.task]
+
+
+Config = TypeVar("Config", bound=TrainConfig)
+
+
+def start_run(config: Config) -> tuple[Config, Path]:
+    """Create the folder of a new run, or reopen the folder ``config.resume``.
+
+    Returns:
+        The configuration (when a run is resumed, the one stored in its folder) and the folder.
+
+    Raises:
+        SystemExit: an argument is invalid or the folder cannot be used; the message is one line.
+    """
+    if config.resume is not None:
+        stored_config = read_config(type(config), config.resume)
+        remove_stale_temps(config.resume)
+        return stored_config, config.resume
+    validate_config(config)
+    stored = {**dataclasses.asdict(config), "out": None, "resume": None}
+    try:
+        folder = create_run_folder(config)
+        write_text(folder / "config.json", json.dumps(stored, indent=2, default=str))
+    except OSError as error:
+        raise SystemExit(f"out: expected a folder to write to, received {error}; choose another folder.") from None
+    return config, folder
+
+
+def validate_config(config: TrainConfig) -> None:
+    """Raise SystemExit with a one-line message if an argument is invalid, before any file is written."""
+    if config.n_test_episodes < 1:
+        raise SystemExit(f"n_test_episodes: expected at least 1, received {config.n_test_episodes}.")
+    if config.num_levels is not None and not 0 < config.num_levels <= config.eval_seed:
+        raise SystemExit(
+            f"num_levels: expected 1 to {config.eval_seed}, received {config.num_levels}; "
+            "the levels from there on are for evaluation."
+        )
+    if config.init_weights is not None and not config.init_weights.is_file():
+        raise SystemExit(f"init_weights: expected a model's .zip file, there is none at {config.init_weights}.")
+    try:
+        for task in config.eval_tasks:
+            make_vector_env(dataclasses.replace(config, n_envs=1), task).close()
+    except ValueError as error:
+        raise SystemExit(str(error)) from error
+
+
+def create_run_folder(config: TrainConfig) -> Path:
+    """Create the run folder and return it; an existing run is never overwritten, even if two runs start together.
+
+    Raises:
+        SystemExit: the folder ``config.out`` exists.
+        OSError: the folder cannot be created.
+    """
+    if config.out is not None:
+        try:
+            config.out.mkdir(parents=True)
+        except FileExistsError:
+            raise SystemExit(f"out: expected a new folder, {config.out} exists; {resume_hint(config.out)}") from None
+        return config.out
+    parent = Path("runs")
+    parent.mkdir(exist_ok=True)
+    for number in itertools.count(1):
+        folder = parent / f"{Path(config.course).stem}-{number}"
+        with contextlib.suppress(FileExistsError):
+            folder.mkdir()
+            break
+    return folder
+
+
+def read_config(config_class: type[Config], folder: Path) -> Config:
+    """Return the configuration stored in a run folder.
+
+    Raises:
+        SystemExit: the folder has no configuration, it cannot be read, or it belongs to another program.
+    """
+    path = folder / "config.json"
+    if not path.is_file():
+        raise SystemExit(f"resume: expected the folder of a run, {folder} has no {path.name}.")
+    try:
+        stored = json.loads(path.read_text())
+    except (OSError, ValueError) as error:
+        raise SystemExit(
+            f"resume: expected the configuration of a run in {path}, received {error}; start a new run."
+        ) from error
+    if not isinstance(stored, dict) or stored.keys() != {field.name for field in dataclasses.fields(config_class)}:
+        raise SystemExit(f"resume: expected a run of this program, {folder} has the configuration of another.")
+    values: dict[str, Any] = {
+        name: tuple(value) if isinstance(value, list) else value for name, value in stored.items()
+    }
+    return config_class(**values)
+
+
+def resume_hint(folder: Path) -> str:
+    """Return the sentence that says how to resume a run."""
+    return f"To resume it: --resume {folder}"
+
+
+@contextlib.contextmanager
+def save_on_interrupt(folder: Path, save: Callable[[], None] | None = None) -> Iterator[None]:
+    """Save on Ctrl-C within the block, and end the program with one line that says how to resume.
+
+    A full disk or another OSError ends the program with such a line, too.
+
+    Args:
+        folder: run folder.
+        save: writes a checkpoint; None if there is nothing left to save.
+    """
+    try:
+        try:
+            yield
+        except KeyboardInterrupt:
+            if save is not None:
+                save()
+            raise SystemExit(f"Interrupted and saved. {resume_hint(folder)}") from None
+    except TimeoutError:  # An OSError as well, but Ray raises it: it has nothing to do with the disk.
+        raise
+    except OSError as error:
+        has_checkpoint = any(folder.glob("checkpoint*"))
+        state = "The last checkpoint is intact." if has_checkpoint else "There is no checkpoint yet."
+        raise SystemExit(f"Could not save: {error}. {state} {resume_hint(folder)}") from error
+
+
+def make_vector_env(config: TrainConfig, task: dict[str, Any]) -> gym.vector.VectorEnv[Any, Any, Any]:
+    """Return the native batch of environments for a task."""
+    return gym.make_vec(
+        "minigolf_env:MiniGolf-v0",
+        num_envs=config.n_envs,
+        autoreset_mode="SameStep",
+        observation=config.observation,
+        reward=config.reward,
+        num_levels=config.num_levels,
+        **task,
+    )
+
+
+def make_sb3_envs(config: TrainConfig) -> VecMonitor:
+    """Return the native batch of environments as stable-baselines3's VecEnv, with episode statistics."""
+    return VecMonitor(SB3VecEnv(make_vector_env(config, config.task)))
+
+
+def initialize_model(model: BaseAlgorithm, config: TrainConfig, folder: Path) -> None:
+    """Load the checkpoint of a run folder into a new model, or ``config.init_weights`` if there is no checkpoint."""
+    checkpoint = folder / "checkpoint.zip"
+    if checkpoint.is_file():
+        load_checkpoint(model, checkpoint)
+        # Another seed than at the start, so that the environments do not repeat the same tees.
+        model.set_random_seed(config.seed + model.num_timesteps)
+        if isinstance(model, OffPolicyAlgorithm):  # The replay buffer is not saved: fill a new one first.
+            model.learning_starts += model.num_timesteps
+    elif config.init_weights is not None:
+        check_sb3_file(config.init_weights)
+        model.set_parameters(str(config.init_weights))
+    model.tensorboard_log = str(folder)
+
+
+def load_checkpoint(model: BaseAlgorithm, path: Path) -> None:
+    """Load weights, optimizer states and counters from a checkpoint into a model.
+
+    Unlike ``BaseAlgorithm.load`` it runs no code that is pickled in the file: a stranger's run is safe to resume.
+    """
+    check_sb3_file(path)
+    _, parameters, variables = load_from_zip_file(path, device=model.device, load_data=False)
+    model.set_parameters(parameters, device=model.device)
+    for name, value in (variables or {}).items():  # SAC's entropy coefficient, which is no network parameter.
+        getattr(model, name).data.copy_(value.data)
+    with zipfile.ZipFile(path) as archive:
+        data = json.loads(archive.read("data"))
+    for name in ("num_timesteps", "_n_updates"):
+        setattr(model, name, data[name])
