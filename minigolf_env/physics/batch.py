@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from minigolf_env.physics import step as kernels
 from minigolf_env.physics.candidate_cache import invalidate
 from minigolf_env.physics.jit import notify_if_compiling
+from minigolf_env.physics.sweep import clearance_range, possible_overlap_range, sweep_range
 from minigolf_env.physics.thread_pool import parallel_for
 from minigolf_env.physics.traversal import new_traversal
 from minigolf_env.physics.types import (
@@ -111,7 +112,7 @@ def sweep_rows(
     def run(first: int, last: int) -> None:
         traversal = new_traversal()
         for begin, end, scene in _runs_per_scene(scenes, n, first, last):
-            kernels.sweep_range(begin, end, scene, traversal, starts, paths, alphas, normals, triangles)
+            sweep_range(begin, end, scene, traversal, starts, paths, alphas, normals, triangles)
 
     with notify_if_compiling("sweep_batch"):
         parallel_for(run, n)
@@ -121,7 +122,7 @@ def sweep_rows(
 def clearance_rows(scenes: Sequence[CompiledScene], positions: FloatArray) -> FloatArray:
     """Return the distances (N,) from the surface of balls at positions (N, 3) to the nearest triangle, m."""
     clearances = np.empty(len(positions))
-    _query(kernels.clearance_range, scenes, positions, clearances)
+    _query(clearance_range, scenes, positions, clearances)
     return clearances
 
 
@@ -133,7 +134,7 @@ def check_no_overlap(scenes: Sequence[CompiledScene], p: FloatArray, scales: flo
     """
     centres = p.reshape(-1, 3)
     may_overlap = np.empty(len(centres), np.bool_)
-    _query(kernels.possible_overlap_range, scenes, centres, may_overlap)
+    _query(possible_overlap_range, scenes, centres, may_overlap)
     if not may_overlap.any():
         return
     clearances = clearance_rows(scenes, centres)

@@ -34,7 +34,7 @@ class BoundingCylinder(NamedTuple):
 
 @device_function
 def bounding_cylinder(p: Vec3, w: Vec3, radius: float) -> BoundingCylinder:
-    """Return the cylinder of all points within ``radius`` beside the path p to p + w, or beyond its ends."""
+    """Return the cylinder around the path p to p + w with the given radius, which extends by it beyond both ends."""
     path_length = norm(w)
     axis = scale(w, 1.0 / path_length) if path_length > 1e-100 else Vec3(0.0, 0.0, 0.0)
     length = path_length + 2.0 * radius

@@ -20,7 +20,11 @@ import numpy as np
 
 try:
     from minigolf_env.physics.numba_internals import compile_device_function, compile_kernel
-except ImportError:  # This numba lacks a private name: use its public API alone. The bits are the same.
+except (
+    ImportError,
+    AttributeError,
+    ValueError,
+):  # This numba's internals differ: use its public API, for the same bits.
 
     def compile_kernel(function: Callable[..., Any], **options: Any) -> Any:
         """Compile a function with numba's public options and its own cache."""

@@ -35,8 +35,8 @@ INSTALL_FOLDERS = {"site-packages", "dist-packages"}
 
 PRIVATE_OPTIONS: dict[str, Any] = {
     # Inline every kernel into its callers: passing scenes by value, hundreds of bytes a call, costs more than the work.
-    # Unless told, numba does as it did for the caller compiled first: the speed would depend on what a user calls
-    # first.
+    # Without this option numba decides once, for the caller compiled first: the speed would depend on a user's first
+    # call.
     "forceinline": True,
     # Nothing passes kernels to kernels, for which the C wrapper would be.
     "no_cfunc_wrapper": True,

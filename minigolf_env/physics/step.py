@@ -1,4 +1,4 @@
-"""The time step, the run of a ball to rest, and the kernels that run many balls.
+"""The time step, and the run of one or many balls to rest.
 
 One time step is a loop over sub-steps. Each moves the ball along a straight path to its first hit and resolves that
 hit; the rest of the time begins there. In flight a step is one sub-step. While rolling it is two: the ball falls onto
@@ -10,7 +10,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from minigolf_env.physics.candidate_cache import CandidateCache, has_spare_capacity, new_candidate_cache, sweep_cached
 from minigolf_env.physics.contact import (
@@ -27,7 +26,7 @@ from minigolf_env.physics.contact import (
 )
 from minigolf_env.physics.jit import device_function, inlined_kernel, kernel
 from minigolf_env.physics.rolling_batch import ROLLING_BATCH_DTYPE, SIMD_WIDTH, step_rolling, try_enter
-from minigolf_env.physics.sweep import any_triangle_within, distance_to_nearest, sweep
+from minigolf_env.physics.sweep import sweep
 from minigolf_env.physics.types import INT64_ZERO, CompiledScene, FloatArray, RecordArray, Status, Vec3
 from minigolf_env.physics.vec3 import column, dot, mul_add, norm, scale, store, vec3
 
@@ -109,7 +108,8 @@ def step(
         resistance = rolling_resistance(contacts, num_contacts, scene.gravity)
         net, duration, stops = apply_rolling_resistance(v, acceleration, resistance, time_left)
 
-        # A ball without velocity rests if all contacts that touch it hold it; else it starts to roll off.
+        # A ball without velocity rests if all contacts that touch it hold it, or if it has not moved since it was last
+        # without velocity; else it starts to roll off.
         if stops and duration == 0.0:
             pull, num_contacts = _constrain_to_touching(scene, scratch, p, scene.gravity, 0.5 * scene.dt * scene.dt)
             if was_stopped or norm(pull) <= rolling_resistance(contacts, num_contacts, scene.gravity):
@@ -200,6 +200,7 @@ def _record_path(path: FloatArray, row: int, p: Vec3, num_substeps: int) -> None
 
 @device_function
 def _is_within_bounds(p: Vec3, lower: Vec3, upper: Vec3) -> bool:
+    """Return whether the centre p is within the world's bounds."""
     return lower.x <= p.x <= upper.x and lower.y <= p.y <= upper.y and lower.z <= p.z <= upper.z
 
 
@@ -312,53 +313,23 @@ def _advance_alone(
 
     store(balls.positions[i], p)
     store(balls.velocities[i], v)
+    _store_result(result, scene.dt, status, steps, bounces, exhausted, time_left)
+    return entered
+
+
+@device_function
+def _store_result(
+    result: np.void, dt: float, status: int, steps: int, bounces: int, exhausted: int, time_left: float
+) -> None:
+    """Write how a run stands: a ball at rest did not need the last ``time_left`` of its steps."""
     result["status"] = status
     result["steps"] = steps
     result["bounces"] = bounces
     result["exhausted"] = exhausted
-    result["time"] = (steps - 1) * scene.dt + (scene.dt - time_left) if status == STATUS_REST else steps * scene.dt
-    return entered
+    result["time"] = (steps - 1) * dt + (dt - time_left) if status == STATUS_REST else steps * dt
 
 
 @device_function
 def _has_room(path: FloatArray, log: FloatArray, steps: int, bounces: int) -> bool:
     """Return whether one more step, with a bounce in each sub-step, fits in the record; always, if none is kept."""
     return len(path) == 0 or (steps + 1 < len(path) and bounces + MAX_SUBSTEPS <= len(log))
-
-
-@kernel
-def sweep_range(
-    first: int,
-    last: int,
-    scene: CompiledScene,
-    traversal: RecordArray,
-    starts: FloatArray,
-    paths: FloatArray,
-    alphas: FloatArray,
-    normals: FloatArray,
-    triangles: NDArray[np.int64],
-) -> None:
-    """Sweep balls first to last - 1 of a batch along paths (N, 3), and write alpha, normal and triangle."""
-    for i in range(first, last):
-        hit = sweep(scene, traversal, vec3(starts[i]), vec3(paths[i]))
-        alphas[i] = hit.alpha
-        triangles[i] = hit.triangle_id
-        store(normals[i], hit.normal)
-
-
-@kernel
-def clearance_range(
-    first: int, last: int, scene: CompiledScene, traversal: RecordArray, positions: FloatArray, clearances: FloatArray
-) -> None:
-    """Write the distance from the surface of balls first to last - 1 to the nearest triangle."""
-    for i in range(first, last):
-        clearances[i] = distance_to_nearest(scene, traversal, vec3(positions[i])) - scene.radius
-
-
-@kernel
-def possible_overlap_range(
-    first: int, last: int, scene: CompiledScene, traversal: RecordArray, positions: FloatArray, flags: NDArray[np.bool_]
-) -> None:
-    """Write whether balls first to last - 1 may be deeper than eps in a triangle; the others surely are not."""
-    for i in range(first, last):
-        flags[i] = any_triangle_within(scene, traversal, vec3(positions[i]), scene.radius - 1.5 * scene.eps)

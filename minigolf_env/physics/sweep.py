@@ -1,16 +1,17 @@
-"""Queries on the whole scene: the first hit of a moving ball, and the distance to the nearest triangle."""
+"""Queries on the whole scene, for one ball or many: first hit of a moving ball, distance to the nearest triangle."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from minigolf_env.physics.jit import device_function, kernel
 from minigolf_env.physics.swept_sphere import ALPHA_DEFERRED, ALPHA_MISS, closest_point_offset, sweep_triangle
 from minigolf_env.physics.traversal import next_leaf_in_radius, next_leaf_in_sweep, start_traversal
-from minigolf_env.physics.types import BOOL_TRUE, INT64_ZERO, CompiledScene, RecordArray, Vec3
-from minigolf_env.physics.vec3 import dot, norm, scale
+from minigolf_env.physics.types import BOOL_TRUE, INT64_ZERO, CompiledScene, FloatArray, RecordArray, Vec3
+from minigolf_env.physics.vec3 import dot, norm, scale, store, vec3
 
 
 class Collision(NamedTuple):
@@ -110,3 +111,41 @@ def any_triangle_within(scene: CompiledScene, traversal: RecordArray, p: Vec3, r
             if norm(closest_point_offset(scene.triangles[i], p)) < reach:
                 return True
     return False
+
+
+@kernel
+def sweep_range(
+    first: int,
+    last: int,
+    scene: CompiledScene,
+    traversal: RecordArray,
+    starts: FloatArray,
+    paths: FloatArray,
+    alphas: FloatArray,
+    normals: FloatArray,
+    triangles: NDArray[np.int64],
+) -> None:
+    """Sweep balls first to last - 1 of a batch along paths (N, 3), and write alpha, normal and triangle."""
+    for i in range(first, last):
+        hit = sweep(scene, traversal, vec3(starts[i]), vec3(paths[i]))
+        alphas[i] = hit.alpha
+        triangles[i] = hit.triangle_id
+        store(normals[i], hit.normal)
+
+
+@kernel
+def clearance_range(
+    first: int, last: int, scene: CompiledScene, traversal: RecordArray, positions: FloatArray, clearances: FloatArray
+) -> None:
+    """Write the distance from the surface of balls first to last - 1 to the nearest triangle."""
+    for i in range(first, last):
+        clearances[i] = distance_to_nearest(scene, traversal, vec3(positions[i])) - scene.radius
+
+
+@kernel
+def possible_overlap_range(
+    first: int, last: int, scene: CompiledScene, traversal: RecordArray, positions: FloatArray, flags: NDArray[np.bool_]
+) -> None:
+    """Write whether balls first to last - 1 may be deeper than eps in a triangle; the others surely are not."""
+    for i in range(first, last):
+        flags[i] = any_triangle_within(scene, traversal, vec3(positions[i]), scene.radius - 1.5 * scene.eps)

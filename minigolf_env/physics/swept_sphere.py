@@ -9,9 +9,9 @@ zero of phi. It is found in two steps:
    in t, so that Newton's method on phi, started when the plane is touched, rises monotonically to the first zero: it
    can neither overshoot nor miss it. Cheap bounds reject most triangles that stay out of reach before it starts.
 
-Example: a sphere of radius 0.2 falls from (0.2, 0.2, 1) to (0.2, 0.2, 0), onto the triangle (0, 0, 0), (1, 0, 0),
-(0, 1, 0). It touches the plane at t = (1 - 0.2) / 1 = 0.8, with its centre over the face: alpha = 0.8, normal (0, 0,
-1). From (0.5, -0.1, 1) it touches the plane beside the triangle; Newton's method finds the edge at t = 1 - sqrt(0.03).
+Example: a sphere of radius 0.2 falls by 1 onto the triangle (0, 0, 0), (1, 0, 0), (0, 1, 0). From (0.2, 0.2, 1) it
+touches the plane at t = (1 - 0.2) / 1 = 0.8, with its centre over the face: alpha = 0.8, normal (0, 0, 1).
+From (0.5, -0.1, 1) its centre is not over the face then; Newton's method finds the edge at t = 1 - sqrt(0.03) = 0.83.
 
 All is computed relative to the sphere's start, so that corners are small numbers where it matters.
 """
@@ -165,11 +165,11 @@ def may_overlap(a: Vec3, n: Vec3, u: Vec3, v: Vec3, w: Vec3, t: float, end: floa
     Cheaper than a distance: it uses the height over the plane, and how far the centre stays beyond one of the edges.
     Branch-free, for SIMD loops.
     """
-    # The lowest height on the path leaves the largest reach beside the triangle.
+    # The lowest height on the path leaves the largest reach in the plane.
     height_start = dot(a, n) - t * dot(w, n)
     height_end = dot(a, n) - end * dot(w, n)
     lowest = min(abs(height_start), abs(height_end)) if height_start * height_end > 0.0 else 0.0
-    reach_beside_sq = reach * reach - lowest * lowest
+    reach_in_plane_sq = reach * reach - lowest * lowest
 
     # Coordinates along the edges: the centre is beyond an edge where its coordinate is negative at both ends.
     x_start, y_start = t * dot(w, u) - dot(a, u), t * dot(w, v) - dot(a, v)
@@ -178,10 +178,10 @@ def may_overlap(a: Vec3, n: Vec3, u: Vec3, v: Vec3, w: Vec3, t: float, end: floa
     y = max(y_start, y_end)
     z = max(1.0 - x_start - y_start, 1.0 - x_end - y_end)
     uv = add(u, v)
-    is_clear = (x < 0.0) & (x * x > reach_beside_sq * dot(u, u))
-    is_clear |= (y < 0.0) & (y * y > reach_beside_sq * dot(v, v))
-    is_clear |= (z < 0.0) & (z * z > reach_beside_sq * dot(uv, uv))
-    return not (is_clear | (reach_beside_sq < 0.0))
+    is_clear = (x < 0.0) & (x * x > reach_in_plane_sq * dot(u, u))
+    is_clear |= (y < 0.0) & (y * y > reach_in_plane_sq * dot(v, v))
+    is_clear |= (z < 0.0) & (z * z > reach_in_plane_sq * dot(uv, uv))
+    return not (is_clear | (reach_in_plane_sq < 0.0))
 
 
 @device_function

@@ -37,7 +37,7 @@ class Vec3(NamedTuple):
 
 
 class Status(IntEnum):
-    """How a shot ended."""
+    """Final state of a shot."""
 
     REST = 0
     """The ball is at rest and stays there."""
@@ -111,7 +111,7 @@ class Shot(NamedTuple):
     velocity: FloatArray
     """(3,) the ball's velocity at the end, m/s; zeros at rest."""
     status: Status
-    """How the run ended; an int8 array of ``Status`` values from a batch."""
+    """Final state of the run; an int8 array of ``Status`` values from a batch."""
     time: float
     """Time at which the run ended, s: exact for rest, a multiple of dt otherwise."""
     bounces: int
