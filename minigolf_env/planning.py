@@ -1,3 +1,3 @@
-"""Search for the best putt, under the name that other programs import."""
+"""Search for the best putt: the function of ``players.search``, for programs that import it from here."""
 
 from minigolf_env.players.search import search as search

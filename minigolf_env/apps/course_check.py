@@ -1,4 +1,4 @@
-"""The course check: what prevents a hole from being played."""
+"""The course check: find the errors that prevent a hole from being played."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def find_course_errors(path: str | Path | Course) -> Iterator[str]:
 
 
 def _tee_and_cup_errors(course: Course, world: World) -> Iterator[str]:
-    """Yield the errors of the places of tee and cup."""
+    """Yield the errors in the positions of tee and cup."""
     # Find the floor below the corners and the middle of the tee.
     below_course = min(float(part.mesh.vertices[:, 2].min()) for part in course.parts) - 1.0
     lower, upper = course.tee.lower, course.tee.upper
@@ -74,7 +74,7 @@ def _tee_and_cup_errors(course: Course, world: World) -> Iterator[str]:
 
 
 def _cup_errors(cup: Cup, world: World) -> Iterator[str]:
-    """Yield the error of the ball's way down into the cup."""
+    """Yield an error if the ball cannot fall to the bottom of the cup."""
     x, y, rim = cup.position
     start_height = rim + world.ball_radius
     try:
@@ -95,7 +95,7 @@ def _cup_errors(cup: Cup, world: World) -> Iterator[str]:
 
 
 def _play_errors(course: Course) -> Iterator[str]:
-    """Yield the errors that show when the hole is played."""
+    """Yield the errors that appear when the hole is played."""
     env = MiniGolfEnv(course=course, tee="fixed", max_strokes=MAX_SEARCH_STROKES)
     env.reset(seed=0)
     info: dict[str, Any] = {}

@@ -14,7 +14,7 @@ from minigolf_env.courses.procedural import DIFFICULTY_NAMES, PROCEDURAL_COURSE
 from minigolf_env.envs import MiniGolfEnv, MiniGolfVectorEnv
 from minigolf_env.evaluation.rollout import EpisodeResult, run_episode, run_episodes_batched, search_strokes
 from minigolf_env.evaluation.statistics import Interval, mean_interval, ratio_interval, wilson_interval
-from minigolf_env.players.policies import BatchPolicy, load_policy
+from minigolf_env.players.policies import BatchPolicy, Policy, load_policy
 
 FIRST_TRAINING_LEVEL = 0
 """Number of the first training level."""
@@ -89,19 +89,23 @@ def benchmark(
         }
         for set_name, first in (("train", FIRST_TRAINING_LEVEL), ("held out", FIRST_HELD_OUT_LEVEL)):
             policy = load_policy(name, seed)  # A new one: a set's scores do not depend on the sets before it.
-            numbers = tqdm(range(first, first + levels), f"{difficulty}, {set_name}", leave=False, disable=None)
-            env = MiniGolfEnv(PROCEDURAL_COURSE, **env_args)
-            results: list[EpisodeResult] = []
-            references: list[int] = []
-            for level in numbers:
-                env.reset(options={"level": level})
-                references.append(search_strokes(env))
-                if not isinstance(policy, BatchPolicy):
-                    results.append(run_episode(env, policy, None, {"level": level}))
-            if isinstance(policy, BatchPolicy):
-                envs = MiniGolfVectorEnv(levels, PROCEDURAL_COURSE, start_level=first, num_levels=1, **env_args)
-                results = run_episodes_batched(envs, policy, None, {"level": list(range(first, first + levels))})
-            yield _summarize(difficulty, set_name, first, results, references)
+            yield _evaluate_set(policy, set_name, range(first, first + levels), env_args)
+
+
+def _evaluate_set(policy: Policy, set_name: str, levels: range, env_args: dict[str, Any]) -> LevelSetResult:
+    """Play each level once with search and once with a policy, and return the policy's scores."""
+    env = MiniGolfEnv(PROCEDURAL_COURSE, **env_args)
+    results: list[EpisodeResult] = []
+    references: list[int] = []
+    for level in tqdm(levels, f"{env_args['difficulty']}, {set_name}", leave=False, disable=None):
+        env.reset(options={"level": level})
+        references.append(search_strokes(env))
+        if not isinstance(policy, BatchPolicy):
+            results.append(run_episode(env, policy, None, {"level": level}))
+    if isinstance(policy, BatchPolicy):
+        envs = MiniGolfVectorEnv(len(levels), PROCEDURAL_COURSE, start_level=levels.start, num_levels=1, **env_args)
+        results = run_episodes_batched(envs, policy, None, {"level": list(levels)})
+    return _summarize(env_args["difficulty"], set_name, levels.start, results, references)
 
 
 def _summarize(

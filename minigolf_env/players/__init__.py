@@ -1,1 +1,1 @@
-"""Players of the game: random, search, and trained models behind one interface."""
+"""Policies that play the game: random, search, and trained models behind one interface."""

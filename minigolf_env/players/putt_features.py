@@ -1,10 +1,11 @@
 """Features of a putt with a given direction and strength, computed from an observation of bounce rays.
 
-The line of a putt is followed off the walls that the bounce ray next to it hit, reflected as light is by mirrors, which
-is how balls bounce off wooden borders. For each straight segment of the line the features say how far it passes the
-cup, how it climbs, and how much roll the putt has left there. They do not change when a hole is moved or turned.
+The line of a putt is traced with the walls that the nearest bounce ray hit. It is reflected off them as light is by
+mirrors, which is how balls bounce off wooden borders. For each straight segment of the line, features describe by how
+much it misses the cup, how it climbs, and how much roll the putt has left there. The features do not change when a
+hole is moved or turned.
 
-The features of a putt, NUM_FEATURES numbers of about [-1, 1]; "along" and "left" are relative to its direction:
+The features of a putt are NUM_FEATURES numbers of about [-1, 1]. "Along" and "left" are relative to its direction:
 
     0-6     the slope along and left, the ground below, the height of the cup, the position on the level along and left,
             the number of strokes left
@@ -55,7 +56,7 @@ SAME_WALL_DISTANCE = 0.04
 """Two walls are the same wall only if the end of one ray is closer than this to the plane of the other's wall, m."""
 
 MAX_SEGMENT_LENGTH = 12.0
-"""Longest segment, m: a line that is almost parallel to the wall of the ray next to it does not hit that wall."""
+"""Longest segment, m: a line that is almost parallel to the wall of the nearest ray does not hit that wall."""
 
 UNCERTAIN_SEGMENT_RANGE = 8.0
 """Length along which a segment that is not exact is searched for the cup, m."""
@@ -65,9 +66,7 @@ NUM_FEATURES = 20 + 14 * NUM_SEGMENTS
 
 REFLECTION_SIGNS = np.ones(NUM_FEATURES, np.float32)
 """Factors that exchange left and right in the features of a putt: -1 for components to the left, 1 for all others."""
-REFLECTION_SIGNS[
-    [1, 5, *range(9, 13), *(13 + 11 * segment + k for segment in range(NUM_SEGMENTS) for k in (0, 1, 2, 8))]
-] = -1.0
+REFLECTION_SIGNS[[1, 5, *range(9, 13), *(13 + 11 * i + k for i in range(NUM_SEGMENTS) for k in (0, 1, 2, 8))]] = -1.0
 
 RAY_UNITS = np.array([MAX_BOUNCE_RAY_LENGTH, MAX_BOUNCE_RAY_LENGTH, 1.0, 1.0, 1.0, 1.0], np.float32)
 """Units of the numbers of a bounce ray's segment in the observation, m."""
@@ -82,7 +81,7 @@ SLOPE_INDEX = GROUND_INDEX + 1
 """Index of the first component of the ground's slope in an observation."""
 
 CUP_INDEX = GROUND_INDEX + NUM_GROUND_FEATURES
-"""Index of the first component of the way to the cup in an observation."""
+"""Index of the first component of the scaled vector to the cup in an observation."""
 
 CUP_HEIGHT_INDEX = CUP_INDEX + 2
 """Index of the cup's height in an observation."""
@@ -220,10 +219,10 @@ def _surroundings(observations: Array, direction: Array) -> list[NDArray[Any]]:
         return [(direction * vector).sum(-1), _cross(direction, vector)]
 
     cup_along, cup_left = components(cup)
-    # The tee is in the middle of a level's bounds: where the cup is hidden, the way ahead leads away from the tee.
+    # The tee is in the middle of a level's bounds: if the cup is hidden, the lane leads away from the tee.
     position = 2.5 * observations[:, None, :2]
     slope = observations[:, None, SLOPE_INDEX : SLOPE_INDEX + 2]
-    # After many strokes the ball is in a place where putts behave unexpectedly: the number of strokes left says so.
+    # Few strokes left are a sign that the ball is in a place where putts behave unexpectedly.
     return [
         *components(slope),
         constant(GROUND_INDEX),

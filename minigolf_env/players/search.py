@@ -1,7 +1,7 @@
 """Search for the best putt by simulating many putts from the ball's position.
 
-Without noise, search looks for a hole-in-one, and if there is none for two putts that hole out. With noise it looks for
-the putt with the fewest expected strokes.
+Without noise, search looks for a hole-in-one. If there is none, it looks for two putts that hole out. With noise it
+looks for the putt with the fewest expected strokes.
 """
 
 from __future__ import annotations
@@ -35,10 +35,10 @@ class SearchBudget(NamedTuple):
 
 
 QUICK_SEARCH = SearchBudget(48, 8, 1)
-"""Finds a hole-in-one from most places."""
+"""Resolution that finds a hole-in-one from most positions."""
 
 THOROUGH_SEARCH = SearchBudget(120, 32, 4)
-"""Ends with steps of 0.04 degrees and 0.04 % of the top speed."""
+"""Resolution whose last grid has steps of 0.04 degrees and 0.04 % of the top speed."""
 
 NUM_PUTTS_TO_REFINE = 40
 """Number of putts that a refinement starts from."""
@@ -114,7 +114,7 @@ def search(
         num_simulated += len(putts.distance)
         if (putts.distance <= 0.0).any():
             break
-    else:
+    else:  # There is no hole-in-one: search for two putts.
         if look_ahead:
             best, strokes, num_second = _two_putt_search(task, putts, budgets[0])
             return _plan(putts, best, strokes, num_simulated + num_second)
@@ -262,4 +262,4 @@ def _noise_samples(n: int) -> FloatArray:
 
 
 NOISE_SAMPLES = _noise_samples(64)
-"""Noise that disturbs every putt that is planned under noise."""
+"""Noise samples that disturb every putt that is planned under noise, shape (64, 2)."""

@@ -10,12 +10,12 @@ from minigolf_env import cli
 from minigolf_env.apps.course_check import find_course_errors
 from minigolf_env.courses.builder import CourseBuilder
 
-LANE = [{"box": (0, 0, 3, 1)}]
+LANE_OUTLINE = [{"box": (0, 0, 3, 1)}]
 
 
 def hole(cup: tuple[float, float, float] = (2.5, 0.5, 0.0)) -> CourseBuilder:
     """Return a plain lane."""
-    return CourseBuilder("plain", tee=(0.4, 0.5), cup=cup, top_speed=5.0).add("lane", outline=LANE)
+    return CourseBuilder("plain", tee=(0.4, 0.5), cup=cup, top_speed=5.0).add("lane", outline=LANE_OUTLINE)
 
 
 @pytest.mark.parametrize("name", ["dogleg", "islands", "loop", "room"])
@@ -37,7 +37,7 @@ def test_finds_errors_of_tee_and_cup() -> None:
     walled = hole().add("block", outline=walls, top=1.9)
     assert "expected search to hole out within 10 strokes" in errors(walled)
     no_floor = CourseBuilder("x", tee=(3.3, 0.5), cup=(2.5, 0.5, 0.0), bounds=((-1, -1, -1), (4, 2, 2)))
-    assert "expected a floor below" in errors(no_floor.add("lane", outline=LANE, border=0))
+    assert "expected a floor below" in errors(no_floor.add("lane", outline=LANE_OUTLINE, border=0))
 
 
 def test_command_exits_with_1_if_there_are_errors(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -18,7 +18,7 @@ from tests.videos import decode
 
 SIZE = (64, 48)
 FPS = 5
-SMALL: dict[str, Any] = {"size": SIZE, "fps": FPS, "profile": "fast"}
+SMALL_VIDEO: dict[str, Any] = {"size": SIZE, "fps": FPS, "profile": "fast"}
 
 
 @pytest.mark.parametrize("env_args", [{"course": "dogleg"}, {"course": "procedural", "difficulty": "medium"}])
@@ -27,7 +27,7 @@ def test_video_shows_every_putt(
 ) -> None:
     """The video has one frame of the tee and FPS frames per second of each putt; the last shows the ball at rest."""
     path = tmp_path / "a.mp4"
-    record_policy(path, policy="random", seed=3, camera="top", episodes=2, **env_args, **SMALL)
+    record_policy(path, policy="random", seed=3, camera="top", episodes=2, **env_args, **SMALL_VIDEO)
     policy = RandomPolicy(3)
     num_frames = 0
     strokes = []
@@ -76,7 +76,7 @@ def test_rejects_invalid_arguments_before_computing(
 
     monkeypatch.setattr("minigolf_env.courses.Course.world", fail)
     monkeypatch.chdir(tmp_path)
-    arguments = {"output": "a.mp4", "course": "dogleg", **SMALL, **mistake}
+    arguments = {"output": "a.mp4", "course": "dogleg", **SMALL_VIDEO, **mistake}
     with pytest.raises((ValueError, OSError), match=message):
         record_policy(**arguments)
     assert list(tmp_path.iterdir()) == []

@@ -176,7 +176,7 @@ def allocating_pickle(bare: bool) -> bytes:
     return content + file.getvalue() if bare else file.getvalue()
 
 
-BOMBS: dict[str, Callable[[Path], None]] = {
+MEMORY_BOMBS: dict[str, Callable[[Path], None]] = {
     "zeros.npz": lambda path: write_npz(path, weights_0=bytes(2 * MAX_MODEL_BYTES)),
     "far.npz": lambda path: write_npz(path, weights_0=npy_header((2**70, 2))),
     "wide.npz": lambda path: write_npz(path, weights_0=npy_header((2**45, 2))),
@@ -198,11 +198,11 @@ BOMBS: dict[str, Callable[[Path], None]] = {
 }
 
 
-@pytest.mark.parametrize("name", BOMBS)
+@pytest.mark.parametrize("name", MEMORY_BOMBS)
 def test_small_files_take_little_memory(tmp_path: Path, name: str) -> None:
     """The memory is bounded, whatever a small file unpacks to, declares or repeats."""
     path = tmp_path / name
-    BOMBS[name](path)
+    MEMORY_BOMBS[name](path)
     assert path.stat().st_size < 500_000
     assert peak_memory_of_refusal(path) < 3 * MAX_MODEL_BYTES
 
@@ -210,7 +210,7 @@ def test_small_files_take_little_memory(tmp_path: Path, name: str) -> None:
 def test_torch_never_reads_file_with_too_large_declared_size(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Torch's memory is not Python's, which the test above measures; here torch.load is absent."""
     monkeypatch.delattr(torch, "load")
-    BOMBS["nested.zip"](tmp_path / "nested.zip")
+    MEMORY_BOMBS["nested.zip"](tmp_path / "nested.zip")
     message = f"expected at most {MAX_MODEL_BYTES} bytes, received {2 * MAX_MODEL_BYTES}, unpacked"
     with pytest.raises(ValueError, match=message):
         load_model(tmp_path / "nested.zip")

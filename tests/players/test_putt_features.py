@@ -25,7 +25,7 @@ from minigolf_env.players.putt_features import (
 )
 from tests.players.samples import random_observations
 
-ROOM = np.array([[-0.7, 1.1], [-0.4, 0.9]])
+ROOM_WALLS = np.array([[-0.7, 1.1], [-0.4, 0.9]])
 """Walls of a room around the ball: least and greatest x, then y."""
 
 
@@ -36,7 +36,7 @@ def bounce_rays_of_room() -> NDArray[np.float32]:
         position = np.zeros(2)
         direction = np.array([np.cos(angle), np.sin(angle)])
         for segment in segments[0, k]:
-            wall_position = np.where(direction > 0.0, ROOM[:, 1], ROOM[:, 0])
+            wall_position = np.where(direction > 0.0, ROOM_WALLS[:, 1], ROOM_WALLS[:, 0])
             distance = np.abs((wall_position - position) / np.where(direction == 0.0, 1e-12, direction))
             wall = int(distance.argmin())
             position = position + distance[wall] * direction
@@ -59,10 +59,10 @@ def test_lines_follow_mirror_images_of_room() -> None:
     segments = trace_lines(bounce_rays_of_room(), directions[None].astype(np.float32))
     is_exact = np.array([segment.is_exact[0] for segment in segments])
     assert (is_exact.mean(axis=1) > [0.9, 0.8, 0.7, 0.6]).all() and not is_exact[-1].all()
-    size = ROOM[:, 1] - ROOM[:, 0]
+    size = ROOM_WALLS[:, 1] - ROOM_WALLS[:, 0]
     for k, angle in enumerate(directions):
         direction = np.array([np.cos(angle), np.sin(angle)])
-        first = np.where(direction > 0.0, ROOM[:, 1], ROOM[:, 0]) / direction
+        first = np.where(direction > 0.0, ROOM_WALLS[:, 1], ROOM_WALLS[:, 0]) / direction
         wall_distances = [first[i] + np.arange(NUM_SEGMENTS) * size[i] / abs(direction[i]) for i in (0, 1)]
         expected = np.sort(np.concatenate(wall_distances))[:NUM_SEGMENTS]
         traced = np.cumsum([segment.length[0, k] for segment in segments])

@@ -13,8 +13,8 @@ from minigolf_env.courses.builder import CourseBuilder
 from minigolf_env.envs import MiniGolfEnv
 from minigolf_env.players.search import NOISE_SAMPLES, SearchBudget, search
 
-COARSE = (SearchBudget(20, 5, 1),)
-NOISE = (0.5, 0.015)
+COARSE_BUDGETS = (SearchBudget(20, 5, 1),)
+PUTT_NOISE = (0.5, 0.015)
 
 
 def behind_a_wall() -> Course:
@@ -33,7 +33,7 @@ def env() -> MiniGolfEnv:
     return made
 
 
-@pytest.mark.parametrize("noise", [(0.0, 0.0), NOISE])
+@pytest.mark.parametrize("noise", [(0.0, 0.0), PUTT_NOISE])
 def test_plan_predicts_outcome_and_leaves_environment_unchanged(env: MiniGolfEnv, noise: tuple[float, float]) -> None:
     """The planned putt ends where the plan says; the state and the noise of the environment are as before."""
     before = env.get_state()
@@ -71,19 +71,19 @@ def test_finds_two_putts_where_there_is_no_hole_in_one() -> None:
     assert search(env).holed
 
 
-@pytest.mark.parametrize("options", [{}, {"noise": NOISE}])
+@pytest.mark.parametrize("options", [{}, {"noise": PUTT_NOISE}])
 def test_search_is_deterministic(env: MiniGolfEnv, options: dict[str, Any]) -> None:
     """The same state gives the same plan, with noise and without."""
-    plans = [search(env, COARSE, **options) for _ in range(2)]
+    plans = [search(env, COARSE_BUDGETS, **options) for _ in range(2)]
     assert np.array_equal(plans[0].action, plans[1].action) and plans[0][1:] == plans[1][1:]
 
 
 def test_plans_for_noise_of_environment(env: MiniGolfEnv) -> None:
     """Search uses the environment's noise, and the plan's strokes are about the mean of its putt under that noise."""
-    noisy = MiniGolfEnv(putt_noise=NOISE)
+    noisy = MiniGolfEnv(putt_noise=PUTT_NOISE)
     noisy.reset(seed=4)
     plan = search(noisy)
-    assert plan[1:] == search(env, noise=NOISE)[1:] and 1.0 <= plan.strokes < 3.0
+    assert plan[1:] == search(env, noise=PUTT_NOISE)[1:] and 1.0 <= plan.strokes < 3.0
     putts = np.tile(plan.action.astype(np.float64), (2000, 1))
     velocities = noisy.task.launch_velocity(putts, np.random.default_rng(0).standard_normal((2000, 2)))
     positions = np.tile(noisy.get_state()["position"], (2000, 1))
