@@ -24,7 +24,7 @@ class LastStrokes(NamedTuple):
     time: FloatArray
     """(N,) how long the ball moved, s."""
     bounces: NDArray[np.int64]
-    """(N,)."""
+    """(N,) number of impacts."""
 
     @staticmethod
     def none(n: int) -> LastStrokes:
@@ -53,15 +53,13 @@ def single_info(strokes: int, outcome: Outcome | None, course: str, index: dict[
         course: the course's name.
         index: the number of the level or hole by its key; empty where there is none.
     """
-    result, time, bounces = NO_STROKE, 0.0, 0
-    if outcome is not None:
-        result, time, bounces = int(outcome.result[0]), float(outcome.time[0]), int(outcome.bounces[0])
+    result = NO_STROKE if outcome is None else int(outcome.result[0])
     return {
         "strokes": strokes,
         "is_success": result == Result.HOLED,
         "status": STATUS_NAMES[result],
-        "shot_time": time,
-        "bounces": bounces,
+        "shot_time": 0.0 if outcome is None else float(outcome.time[0]),
+        "bounces": 0 if outcome is None else int(outcome.bounces[0]),
         "course": course,
         **index,
     }

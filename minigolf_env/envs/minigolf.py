@@ -182,7 +182,8 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
         # Validate everything before anything changes.
         index_name = self._sampler.index_name
         given = check_options(options, index_name, "position")
-        index, position = given.get(index_name), given.get("position")
+        index = given.get(index_name)
+        position = given.get("position")
         if position is not None and index is None and self._sampler.is_indexed:
             raise ValueError(
                 f"position: expected with a '{index_name}', received none; it is a place on one {index_name}."

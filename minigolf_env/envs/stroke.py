@@ -13,17 +13,17 @@ from minigolf_env.envs.rewards import CheckedReward, RewardFunction
 from minigolf_env.envs.task import FloatArray, Outcome, TaskBatch
 
 
-class Stroke(NamedTuple):
-    """A stroke of N balls."""
+class StrokeResult(NamedTuple):
+    """Result of a stroke of N balls."""
 
     velocity: FloatArray
     """Launch velocities (N, 3), m/s, with the noise of the putts."""
     outcome: Outcome
-    """Where the balls came to rest, and how."""
+    """Outcome of the stroke."""
     ended: NDArray[np.bool_]
-    """(N,): the episode ended with this stroke."""
+    """(N,) true where the episode ended with this stroke."""
     reward: FloatArray
-    """(N,)."""
+    """(N,) rewards of the stroke."""
 
 
 def play_stroke(
@@ -33,15 +33,15 @@ def play_stroke(
     actions: FloatArray,
     strokes: NDArray[np.int64],
     rngs: Collection[np.random.Generator],
-) -> Stroke:
-    """Return what the actions (N, 2) lead to, from balls at positions (N, 3) after a number of strokes (N,).
+) -> StrokeResult:
+    """Play one stroke of N balls and return its result. Only the generators change.
 
     Args:
         task: the rules and holes of the balls.
         reward: the reward function.
-        positions: the balls' centres, m; they are not changed.
-        actions: the putts.
-        strokes: strokes of the episodes before this one.
+        positions: (N, 3) the balls' centres, m.
+        actions: (N, 2) the putts.
+        strokes: (N,) number of strokes of the episodes before this one.
         rngs: N generators of the putts' noise, advanced if the task has noise. An error of the reward leaves them as
             they were.
     """
@@ -51,4 +51,4 @@ def play_stroke(
         velocity = task.launch_velocity(actions, noise)
         outcome = task.simulate(positions, velocity)
         ended = outcome.holed | (strokes + 1 >= task.max_strokes)
-        return Stroke(velocity, outcome, ended, np.asarray(reward(positions, outcome, ended, task)))
+        return StrokeResult(velocity, outcome, ended, np.asarray(reward(positions, outcome, ended, task)))

@@ -170,7 +170,8 @@ class TaskBatch:
         It goes straight to the end of the nearest segment of the course's route, and on along the route.
         """
         x, y, _ = components(positions)
-        smallest_sq, distance = np.asarray(np.inf), np.asarray(0.0)
+        smallest_sq = np.asarray(np.inf)
+        distance = np.asarray(0.0)
         for segment in self._route_segments:
             # Find the nearest point of the segment.
             dx, dy = x - segment.start[0], y - segment.start[1]

@@ -172,7 +172,8 @@ class MiniGolfVectorEnv(gym.vector.VectorEnv[Observations, Actions, NDArray[Any]
         last.record(rows, stroke.outcome)
         # Reset what is due, and observe.
         self._start_episodes(idle, {})
-        observations, info = self._observe(ALL_ROWS), self._info(last)
+        observations = self._observe(ALL_ROWS)
+        info = self._info(last)
         if self.autoreset_mode == AutoresetMode.SAME_STEP and terminated.any():
             observations, info = self._autoreset(terminated, observations, info, last)
         return observations, rewards, terminated, truncated, info
@@ -208,7 +209,8 @@ class MiniGolfVectorEnv(gym.vector.VectorEnv[Observations, Actions, NDArray[Any]
     def get_state(self) -> list[dict[str, Any]]:
         """Return the states of the N episodes; each can be set in a single environment, too."""
         self._require_reset()
-        strokes, over = self._strokes.tolist(), self._over.tolist()
+        strokes = self._strokes.tolist()
+        over = self._over.tolist()
         episodes = zip(self._tasks, self._positions, strokes, over, self._rngs, strict=True)
         return [encode_state(self._sampler, *episode) for episode in episodes]
 

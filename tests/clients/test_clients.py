@@ -1,4 +1,4 @@
-"""What docs/clients.md says of other libraries is so."""
+"""The programs of docs/clients.md and docs/examples run and do what the page says."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def test_single_file_ppo_plays_all_its_putts(capsys: pytest.CaptureFixture[str])
 
 
 def update(clip: float) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
-    """Return how far the mean putt (2,) moves where putts farther to the right are better, and values before, after."""
+    """Return the move (2,) of the mean putt if putts to the right are better, and the values before and after."""
     torch.manual_seed(0)
     agent, std = cleanrl_ppo.Agent(10, 2), 0.2
     optimizer = torch.optim.Adam(agent.parameters(), 1e-3)

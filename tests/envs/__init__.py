@@ -1,1 +1,1 @@
-"""What Gymnasium and the rules of the game promise."""
+"""Tests of the environments: Gymnasium's interface and the rules of the game."""

@@ -1,7 +1,7 @@
-"""An environment goes on in another process as it does here. Run: python -m tests.envs.pickling METHOD.
+"""Environments continue in another process as in this one. Run: python -m tests.envs.pickling METHOD.
 
-METHOD is how processes start: fork, spawn or forkserver. A process of its own, since a fork beside a test runner's
-threads is nobody's law.
+METHOD is the start method of processes: fork, spawn or forkserver. This runs in a process of its own, since forking a
+test runner that has threads is undefined.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "round": {"course": "round", "max_strokes": 2, "observation": "rays"},
     "levels": {"course": "procedural", "max_strokes": 2, "putt_noise": NOISE, "num_levels": 0},
 }
-"""Of environments, by name."""
+"""Arguments of environments, by name."""
 
 N = 5
-"""Environments of a batch."""
+"""Number of environments in a batch."""
 
 
 def make(name: str, mode: str | None) -> Any:
-    """Return an environment, or a batch of a mode of autoreset."""
+    """Return an environment, or a batch with an autoreset mode."""
     return MiniGolfEnv(**OPTIONS[name]) if mode is None else MiniGolfVectorEnv(N, autoreset_mode=mode, **OPTIONS[name])
 
 
@@ -38,7 +38,7 @@ MADE = [(name, mode) for name in OPTIONS for mode in (None, "NextStep", "SameSte
 
 
 def play(env: Any, steps: int, first: int) -> str:
-    """Play on, through the ends of episodes, and return a hash of all that is seen, the state at the end included."""
+    """Play, through the ends of episodes, and return a hash of all results and the final state."""
     digest = hashlib.sha256()
     for k in range(first, first + steps):
         shape = (N, 2) if isinstance(env, MiniGolfVectorEnv) else (2,)
@@ -55,12 +55,12 @@ def play(env: Any, steps: int, first: int) -> str:
 
 
 def answer(connection: Any, envs: list[Any]) -> None:
-    """Play environments on and tell what was seen."""
+    """Play environments and send the hashes."""
     connection.send([play(env, 4, 100) for env in envs])
 
 
 def elsewhere(method: str) -> Iterator[tuple[str, str]]:
-    """Yield what environments in the middle of episodes see in another process, and what they see here."""
+    """Yield the hashes of environments in the middle of episodes from another process, and from this one."""
     context: Any = multiprocessing.get_context(method)
     envs = [make(name, mode) for name, mode in MADE]
     for env in envs:

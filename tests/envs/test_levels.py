@@ -1,4 +1,4 @@
-"""Environments on endless levels: sets, chosen levels, states, batches."""
+"""Environments on procedural levels: sets, selected levels, states, batches."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 
 from minigolf_env.envs import MiniGolfEnv, MiniGolfVectorEnv
 from minigolf_env.envs.samplers import NUM_LEVELS, LevelSampler
-from tests.envs.vector_parity import Twins
+from tests.envs.vector_parity import VectorParity
 
 
 def make(**options: Any) -> MiniGolfEnv:
@@ -18,10 +18,10 @@ def make(**options: Any) -> MiniGolfEnv:
     return MiniGolfEnv("procedural", **options)
 
 
-def numbers(levels: LevelSampler, many: int = 2000) -> set[int]:
-    """Return levels drawn from a set whose holes are their numbers."""
+def numbers(levels: LevelSampler, n: int = 2000) -> set[int]:
+    """Return levels sampled from a set whose tasks are their numbers."""
     rng = np.random.default_rng(0)
-    return {levels.sample(rng, None) for _ in range(many)}  # type: ignore[misc]
+    return {levels.sample(rng, None) for _ in range(n)}  # type: ignore[misc]
 
 
 def test_level_sets_do_not_overlap() -> None:
@@ -35,9 +35,9 @@ def test_level_sets_do_not_overlap() -> None:
 
 def test_reset_draws_a_level() -> None:
     """It comes from the environment's own generator, so that a seed gives the same levels again; info names it."""
-    env, twin = make(num_levels=20, start_level=100), make(num_levels=20, start_level=100)
+    env, copied = make(num_levels=20, start_level=100), make(num_levels=20, start_level=100)
     first = [env.reset(seed=4 if k == 0 else None)[1] for k in range(12)]
-    again = [twin.reset(seed=4 if k == 0 else None)[1] for k in range(12)]
+    again = [copied.reset(seed=4 if k == 0 else None)[1] for k in range(12)]
     assert first == again
     levels = [info["level"] for info in first]
     assert all(type(level) is int and 100 <= level < 120 for level in levels) and len(set(levels)) > 4
@@ -71,9 +71,9 @@ def test_state_includes_the_level() -> None:
     other.set_state(state)
     copy = pickle.loads(pickle.dumps(env))  # noqa: S301 (our own)
     putts = np.random.default_rng(0).uniform(-1, 1, (8, 2))
-    for twin in (other, copy):
-        assert twin.what_if(putts).position.tobytes() == env.what_if(putts).position.tobytes()
-    played = [twin.step([0.3, -0.5]) for twin in (env, other, copy)]
+    for copied in (other, copy):
+        assert copied.what_if(putts).position.tobytes() == env.what_if(putts).position.tobytes()
+    played = [copied.step([0.3, -0.5]) for copied in (env, other, copy)]
     assert len({step[0].tobytes() for step in played}) == 1 and played[0][1:] == played[1][1:] == played[2][1:]
 
 
@@ -82,9 +82,9 @@ def test_state_includes_the_level() -> None:
 def test_batch_on_levels_equals_single_environments_bitwise(mode: str, observation: str) -> None:
     """Environment i is a single environment seeded with seed + i, each on its own levels."""
     options: dict[str, Any] = {"difficulty": "medium", "num_levels": 6, "max_strokes": 2, "observation": observation}
-    twins = Twins(mode, 5, seed=7, course="procedural", **options)
-    assert len({state["level"] for state in twins.batch.get_state()}) > 1
-    twins.play(7)
+    pair = VectorParity(mode, 5, seed=7, course="procedural", **options)
+    assert len({state["level"] for state in pair.batch.get_state()}) > 1
+    pair.play(7)
 
 
 def test_batch_plays_selected_levels() -> None:
@@ -102,19 +102,19 @@ def test_batch_plays_selected_levels() -> None:
 def test_frames_show_the_level_being_played() -> None:
     """Each frame of rgb_array_list shows the level that was played then."""
     options: dict[str, Any] = {"render_size": (64, 48), "camera": "top", "render_profile": "fast"}
-    film, still = make(render_mode="rgb_array_list", **options), make(render_mode="rgb_array", **options)
-    film.reset(seed=0, options={"level": 1})
-    film.step([0.1, 0.0])
-    pictures = film.render()
-    film.reset(options={"level": 2})
-    film.step([0.1, 0.0])
-    pictures += film.render()
-    shown = []
+    lists, single = make(render_mode="rgb_array_list", **options), make(render_mode="rgb_array", **options)
+    lists.reset(seed=0, options={"level": 1})
+    lists.step([0.1, 0.0])
+    frames = lists.render()
+    lists.reset(options={"level": 2})
+    lists.step([0.1, 0.0])
+    frames += lists.render()
+    expected = []
     for level in (1, 2):
-        still.reset(seed=0, options={"level": level})
-        shown.append(still.render())
-    assert np.array_equal(pictures[0], shown[0]) and not np.array_equal(shown[0], shown[1])
-    assert any(np.abs(picture.astype(int) - shown[1]).mean() < 2.0 for picture in pictures)
+        single.reset(seed=0, options={"level": level})
+        expected.append(single.render())
+    assert np.array_equal(frames[0], expected[0]) and not np.array_equal(expected[0], expected[1])
+    assert any(np.abs(frame.astype(int) - expected[1]).mean() < 2.0 for frame in frames)
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""MiniGolf-v0: what Gymnasium, stable-baselines3 and the class docstring promise."""
+"""MiniGolf-v0 as Gymnasium and stable-baselines3 expect it, and as the class docstring describes it."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ ROOT = Path(__file__).parents[2]
 
 
 def play(env: MiniGolfEnv, putts: int, seed: int) -> list[Any]:
-    """Return everything that random putts give, the resets included."""
+    """Return all results of random putts and resets."""
     env.action_space.seed(seed)
     seen: list[Any] = [env.reset(seed=seed)]
     for _ in range(putts):
@@ -31,7 +31,7 @@ def play(env: MiniGolfEnv, putts: int, seed: int) -> list[Any]:
 
 
 def same(a: Any, b: Any) -> bool:
-    """Return whether two structures of arrays and values are equal to the bit."""
+    """Return true if two structures of arrays and values are equal bit for bit."""
     if isinstance(a, np.ndarray):
         return a.dtype == b.dtype and a.tobytes() == b.tobytes()
     if isinstance(a, dict):

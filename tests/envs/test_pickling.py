@@ -1,4 +1,4 @@
-"""A copy plays on with the same bits: made by pickle or deepcopy, sent to another process, or beside another thread."""
+"""Copies continue with the same bits: by pickle or deepcopy, in another process, next to other threads."""
 
 from __future__ import annotations
 
@@ -27,43 +27,43 @@ COPIES: dict[str, Callable[[Any], Any]] = {
 }
 
 
-@pytest.mark.parametrize("how", COPIES)
+@pytest.mark.parametrize("copy_method", COPIES)
 @pytest.mark.parametrize(("name", "mode"), MADE)
-def test_copy_continues_with_the_same_bits(name: str, mode: str | None, how: str) -> None:
+def test_copy_continues_with_the_same_bits(name: str, mode: str | None, copy_method: str) -> None:
     """It is made in the middle of an episode; the original and an earlier copy do not change."""
     env = make(name, mode)
     env.reset(seed=3)
     play(env, 3, 0)
     before = env.get_state()
-    first, second = COPIES[how](env), COPIES[how](COPIES[how](env))
+    first, second = COPIES[copy_method](env), COPIES[copy_method](COPIES[copy_method](env))
     seen = play(first, 6, 100)
     assert env.get_state() == second.get_state() == before
     assert seen == play(second, 6, 100) == play(env, 6, 100)
     assert first.get_state() == env.get_state() != before
 
 
-@pytest.mark.parametrize("how", COPIES)
+@pytest.mark.parametrize("copy_method", COPIES)
 @pytest.mark.parametrize("mode", [None, "NextStep"])
-def test_copy_before_the_first_reset_needs_a_reset(mode: str | None, how: str) -> None:
+def test_copy_before_the_first_reset_needs_a_reset(mode: str | None, copy_method: str) -> None:
     """After it, it plays as the original does."""
     env = make("levels", mode)
-    twin = COPIES[how](env)
+    other = COPIES[copy_method](env)
     with pytest.raises(ResetNeeded):
-        twin.get_state()
-    assert twin.reset(seed=5)[0].tobytes() == env.reset(seed=5)[0].tobytes()
-    assert play(twin, 3, 0) == play(env, 3, 0)
+        other.get_state()
+    assert other.reset(seed=5)[0].tobytes() == env.reset(seed=5)[0].tobytes()
+    assert play(other, 3, 0) == play(env, 3, 0)
 
 
-@pytest.mark.parametrize("how", COPIES)
+@pytest.mark.parametrize("copy_method", COPIES)
 @pytest.mark.parametrize("mode", [None, "SameStep"])
-def test_copy_renders_the_same_frames(mode: str | None, how: str, gl: None) -> None:
+def test_copy_renders_the_same_frames(mode: str | None, copy_method: str, gl: None) -> None:
     """Frames that were not rendered yet are copied, too."""
     show: dict[str, Any] = {"render_mode": "rgb_array_list", "render_size": (32, 24), "render_profile": "fast"}
     env: Any = MiniGolfEnv(**show) if mode is None else MiniGolfVectorEnv(2, autoreset_mode=mode, **show)
     env.reset(seed=3)
     env.step(np.full((2,) if mode is None else (2, 2), 0.3))
-    twin = COPIES[how](env)
-    ours, theirs = ([env.render()], [twin.render()]) if mode is None else (env.render(), twin.render())
+    other = COPIES[copy_method](env)
+    ours, theirs = ([env.render()], [other.render()]) if mode is None else (env.render(), other.render())
     for some, others in zip(ours, theirs, strict=True):
         assert len(some) == len(others) > 1 and all(map(np.array_equal, some, others))
 
@@ -79,15 +79,17 @@ def test_other_process_continues_with_the_same_bits(method: str) -> None:
 
 
 @pytest.fixture
-def hasty() -> Iterator[None]:
-    """Let threads take turns a thousand times as often as usual: those that disturb each other do so soon."""
+def fast_thread_switches() -> Iterator[None]:
+    """Switch threads a thousand times as often as usual, so that races show soon."""
     before = sys.getswitchinterval()
     sys.setswitchinterval(1e-3 * before)
     yield
     sys.setswitchinterval(before)
 
 
-def test_environments_in_threads_do_not_affect_each_other(hasty: None, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_environments_in_threads_do_not_affect_each_other(
+    fast_thread_switches: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Environments and batches made and played in threads see the same as alone."""
     monkeypatch.setattr(thread_pool, "_num_threads", lambda: 2)
 

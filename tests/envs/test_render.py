@@ -1,4 +1,4 @@
-"""Render modes and picture observations of the environments: what Gymnasium's users expect, and what costs nothing."""
+"""Render modes and image observations of the environments."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ SMALL: dict[str, Any] = {"render_size": (64, 48), "render_profile": "fast"}
 PUTT = np.array([0.3, 0.1], np.float32)
 
 
-def frames_of(shot_time: float) -> int:
-    """Return how many pictures a putt has, with the pause after it."""
+def num_frames(shot_time: float) -> int:
+    """Return the number of frames of a putt, with the pause after it."""
     return int(np.ceil((shot_time + 0.6) * RENDER_FPS))
 
 
@@ -47,9 +47,9 @@ def test_rgb_array_list_holds_all_frames_since_the_last_call() -> None:
     env.reset(seed=0)
     assert len(env.render()) == 1 and env.render() == []
     times = [env.step(PUTT)[4]["shot_time"] for _ in range(2)]
-    pictures = env.render()
-    assert len(pictures) == sum(map(frames_of, times))
-    assert all(picture.shape == (48, 64, 3) for picture in pictures)
+    frames = env.render()
+    assert len(frames) == sum(map(num_frames, times))
+    assert all(frame.shape == (48, 64, 3) for frame in frames)
     env.step(PUTT)
     env.reset(seed=1)
     assert len(env.render()) == 1
@@ -111,9 +111,9 @@ def test_copies_render_the_same_frames() -> None:
     env.reset(seed=0)
     env.step(PUTT)
     copies = [copy.deepcopy(env), pickle.loads(pickle.dumps(env))]  # noqa: S301 (our own)
-    pictures = env.render()
+    frames = env.render()
     for other in copies:
-        np.testing.assert_array_equal(other.render(), pictures)
+        np.testing.assert_array_equal(other.render(), frames)
 
 
 @pytest.mark.parametrize(
@@ -178,8 +178,8 @@ def test_last_putt_is_rendered_after_autoreset() -> None:
     batch.render()
     for _ in range(3):
         info = batch.step(PUTT[None])[4]
-        (pictures,) = batch.render() or ((),)
-        assert len(pictures) == frames_of(info["final_info"]["shot_time"][0]) + 1
+        (frames,) = batch.render() or ((),)
+        assert len(frames) == num_frames(info["final_info"]["shot_time"][0]) + 1
 
 
 def test_putt_is_rendered_on_its_hole_if_earlier_ones_were_not() -> None:

@@ -180,14 +180,14 @@ def test_copies_keep_the_function(make: Callable[..., Any]) -> None:
     """A function of a module is pickled by its name; a lambda can be deep-copied, not pickled."""
     env = make(reward=holed_fast)
     env.reset(seed=3)
-    twins = [copy.deepcopy(env), pickle.loads(pickle.dumps(env))]  # noqa: S301 (our own)
+    pair = [copy.deepcopy(env), pickle.loads(pickle.dumps(env))]  # noqa: S301 (our own)
     putts = np.full(env.action_space.shape, 0.3)
     expected = env.step(putts)[1]
-    assert all(np.array_equal(twin.step(putts)[1], expected) for twin in twins)
+    assert all(np.array_equal(other.step(putts)[1], expected) for other in pair)
     anonymous = make(reward=lambda before, outcome, ended, task: -outcome.time)
     anonymous.reset(seed=3)
-    twin = copy.deepcopy(anonymous)
-    assert np.array_equal(twin.step(putts)[1], anonymous.step(putts)[1])
+    other = copy.deepcopy(anonymous)
+    assert np.array_equal(other.step(putts)[1], anonymous.step(putts)[1])
     with pytest.raises((AttributeError, pickle.PicklingError), match="lambda"):
         pickle.dumps(anonymous)
 

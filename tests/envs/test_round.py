@@ -67,9 +67,9 @@ def test_state_includes_the_hole() -> None:
     other.reset(seed=0)
     other.set_state(state)
     copy = pickle.loads(pickle.dumps(env))  # noqa: S301 (our own)
-    played = [twin.step([0.3, -0.5]) for twin in (env, other, copy)]
+    played = [copied.step([0.3, -0.5]) for copied in (env, other, copy)]
     assert len({step[0].tobytes() for step in played}) == 1 and played[0][1:] == played[1][1:] == played[2][1:]
-    after = [twin.reset() for twin in (env, other, copy)]
+    after = [copied.reset() for copied in (env, other, copy)]
     assert len({observed.tobytes() for observed, _ in after}) == 1 and [info["hole"] for _, info in after] == [5] * 3
 
 

@@ -1,4 +1,4 @@
-"""Gymnasium's own wrappers of what is drawn."""
+"""Gymnasium's own wrappers that record frames."""
 
 import sys
 import types

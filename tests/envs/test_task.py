@@ -18,7 +18,7 @@ from minigolf_env.physics import WorldBatch
 
 @pytest.fixture(scope="module")
 def task() -> Task:
-    """Return the default hole's rules."""
+    """Return the task of the default hole."""
     return build_task()
 
 
@@ -42,7 +42,7 @@ def test_ball_below_the_rim_is_holed_only_without_energy_to_leave(task: Task) ->
     aside = np.array([1.01 * task.cup.radius, 0.0, 0.0])
     assert not task.is_holed(position + 0.06 * up, 0.0 * up), "above the rim"
     assert not task.is_holed(np.array([x, y, rim]), 0.0 * up), "level with the rim"
-    assert not task.is_holed(position + aside, 0.0 * up), "beside the cup"
+    assert not task.is_holed(position + aside, 0.0 * up), "outside the cup"
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])

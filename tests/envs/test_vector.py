@@ -1,4 +1,4 @@
-"""The native batch is N single environments."""
+"""The native batch equals N single environments bit for bit."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import pytest
 
 from minigolf_env.courses import list_courses
 from minigolf_env.envs import MiniGolfEnv, MiniGolfVectorEnv
-from tests.envs.vector_parity import Twins
+from tests.envs.vector_parity import VectorParity
 
 SEED = 11
 N = 7
@@ -26,13 +26,13 @@ def actions(step: int) -> np.ndarray:
 
 
 def make(mode: str, **options: Any) -> gym.vector.VectorEnv:
-    """Return the batch through Gymnasium's own door."""
+    """Return the batch from gym.make_vec."""
     return gym.make_vec("minigolf_env:MiniGolf-v0", num_envs=N, autoreset_mode=mode, max_strokes=3, **options)
 
 
 @pytest.fixture
 def threads() -> Iterator[None]:
-    """Leave numba's number of threads as it was."""
+    """Restore numba's number of threads."""
     before = numba.get_num_threads()
     yield
     numba.set_num_threads(before)
@@ -48,14 +48,14 @@ def test_batch_equals_single_environments_bitwise(
     if many > numba.config.NUMBA_NUM_THREADS:
         pytest.skip("needs as many cores")
     numba.set_num_threads(many)
-    Twins(mode, N, max_strokes=3, putt_noise=noise).play(8)
+    VectorParity(mode, N, max_strokes=3, putt_noise=noise).play(8)
 
 
 @pytest.mark.parametrize("course", [*list_courses(), "procedural"])
 @pytest.mark.parametrize("mode", MODES)
 def test_batch_equals_single_environments_on_every_course(mode: str, course: str) -> None:
     """In every mode, with noise."""
-    Twins(mode, 3, course=course, max_strokes=2, putt_noise=(0.5, 0.015)).play(5)
+    VectorParity(mode, 3, course=course, max_strokes=2, putt_noise=(0.5, 0.015)).play(5)
 
 
 @pytest.mark.parametrize(
@@ -70,7 +70,7 @@ def test_batch_equals_single_environments_for_all_observations_and_rewards(
     if observation == "pixels":
         request.getfixturevalue("gl")
     options: dict[str, Any] = {"tee": "fixed", "impact": "conservative", "top_speed": 3.0, "cup_radius": 0.08}
-    Twins(mode, 3, course=course, max_strokes=2, reward=reward, observation=observation, **options).play(5)
+    VectorParity(mode, 3, course=course, max_strokes=2, reward=reward, observation=observation, **options).play(5)
 
 
 @pytest.mark.parametrize("course", ["dogleg", "procedural"])
@@ -78,20 +78,20 @@ def test_batch_equals_single_environments_for_all_observations_and_rewards(
 def test_batch_and_single_environments_exchange_states(mode: str, course: str) -> None:
     """In the middle of episodes and at their ends; from equal states both continue equally, any number of times."""
     options: dict[str, Any] = {"course": course, "max_strokes": 2, "putt_noise": (0.5, 0.015)}
-    twins = Twins(mode, 4, **options)
+    pair = VectorParity(mode, 4, **options)
     for first in range(3):
-        states = twins.batch.get_state()
-        assert states == [env.get_state() for env in twins.singles]
-        twins.play(3, first)
-        after = twins.batch.get_state()
-        twins.batch.set_state(states)
-        assert twins.batch.get_state() == states
-        twins.singles = [MiniGolfEnv(**options) for _ in states]
-        for env, state in zip(twins.singles, states, strict=True):
+        states = pair.batch.get_state()
+        assert states == [env.get_state() for env in pair.singles]
+        pair.play(3, first)
+        after = pair.batch.get_state()
+        pair.batch.set_state(states)
+        assert pair.batch.get_state() == states
+        pair.singles = [MiniGolfEnv(**options) for _ in states]
+        for env, state in zip(pair.singles, states, strict=True):
             env.set_state(state)
-        twins.over = np.array([state["over"] for state in states])
-        twins.play(3, first)
-        assert twins.batch.get_state() == after
+        pair.over = np.array([state["over"] for state in states])
+        pair.play(3, first)
+        assert pair.batch.get_state() == after
 
 
 def test_batch_resumes_states_without_a_reset() -> None:
@@ -140,14 +140,14 @@ def test_invalid_states_are_rejected_and_change_nothing(states: Any, words: str)
 @pytest.mark.parametrize("course", ["dogleg", "procedural"])
 def test_what_if_equals_single_environments_bitwise(course: str) -> None:
     """For separate putts and for shared ones; no ball moves and no random number is drawn."""
-    twins = Twins("NextStep", 4, course=course, max_strokes=2, putt_noise=(0.5, 0.015))
+    pair = VectorParity("NextStep", 4, course=course, max_strokes=2, putt_noise=(0.5, 0.015))
     for k in range(3):
-        twins.play(1, k)
-        before, putts = twins.batch.get_state(), twins.putts(k, 6)
-        own, same, none = (twins.batch.what_if(actions) for actions in (putts, putts[0], putts[:, :0]))
-        assert twins.batch.get_state() == before
+        pair.play(1, k)
+        before, putts = pair.batch.get_state(), pair.putts(k, 6)
+        own, same, none = (pair.batch.what_if(actions) for actions in (putts, putts[0], putts[:, :0]))
+        assert pair.batch.get_state() == before
         assert own.position.shape == (4, 6, 3) and own.holed.shape == (4, 6) and none.result.shape == (4, 0)
-        for i, env in enumerate(twins.singles):
+        for i, env in enumerate(pair.singles):
             for outcome, mine in ((own, putts[i]), (same, putts[0])):
                 for many, one in zip(outcome, env.what_if(mine), strict=True):
                     assert many[i].dtype == one.dtype and many[i].tobytes() == one.tobytes()
@@ -181,14 +181,14 @@ def test_call_and_get_attr_equal_gymnasiums_sync_vector_env() -> None:
 
 def test_set_attr_sets_generators_only() -> None:
     """One for each environment; all other attributes follow from the rules, or are shared."""
-    batch, twin = MiniGolfVectorEnv(2), MiniGolfVectorEnv(2)
+    batch, other = MiniGolfVectorEnv(2), MiniGolfVectorEnv(2)
     rngs = [gym.utils.seeding.np_random(seed)[0] for seed in (8, 9)]
     with pytest.raises(gym.error.ResetNeeded):
         batch.set_attr("np_random", rngs)
     batch.reset(seed=0)
     batch.set_attr("np_random", rngs)
     assert batch.get_attr("np_random") == tuple(rngs)
-    assert batch.reset()[0].tobytes() == twin.reset(seed=8)[0].tobytes()
+    assert batch.reset()[0].tobytes() == other.reset(seed=8)[0].tobytes()
     for wrong in (
         rngs[0],
         rngs[:1],
@@ -261,14 +261,14 @@ def test_batch_argument_error_names_the_argument(options: dict[str, Any], word: 
 
 def test_invalid_action_changes_nothing_in_a_batch() -> None:
     """One NaN rejects the actions of the whole batch."""
-    batch, twin = make("NextStep"), make("NextStep")
-    batch.reset(seed=1), twin.reset(seed=1)
+    batch, other = make("NextStep"), make("NextStep")
+    batch.reset(seed=1), other.reset(seed=1)
     bad = actions(0)
     bad[3, 1] = np.nan
     for wrong in (bad, actions(0)[:-1], "left"):
         with pytest.raises(ValueError, match="action"):
             batch.step(wrong)
-    assert batch.step(actions(0))[0].tobytes() == twin.step(actions(0))[0].tobytes()
+    assert batch.step(actions(0))[0].tobytes() == other.step(actions(0))[0].tobytes()
 
 
 def test_batch_without_autoreset_asks_for_reset() -> None:

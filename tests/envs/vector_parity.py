@@ -1,4 +1,4 @@
-"""A batch and its twins: single environments that play the same putts."""
+"""A batch next to single environments that play the same putts."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from minigolf_env.envs import MiniGolfEnv, MiniGolfVectorEnv
 
 
-class Twins:
-    """A batch beside single environments; each call checks that environment i equals single i, bit for bit."""
+class VectorParity:
+    """A batch and single environments; each call checks that environment i equals single environment i bit for bit."""
 
     def __init__(self, mode: str, n: int = 4, seed: int = 11, **options: Any) -> None:
         made = gym.make_vec("minigolf_env:MiniGolf-v0", num_envs=n, autoreset_mode=mode, **options)

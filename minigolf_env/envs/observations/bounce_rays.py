@@ -102,7 +102,8 @@ def trace_bounce_rays(task: TaskBatch, positions: FloatArray) -> FloatArray:
         active = segment < NUM_SEGMENTS
         step = np.where(active[:, None], RAY_STEP_LENGTH * np.column_stack([direction, slope]), 0.0)
         ahead = sweep(position, position + step)
-        hit, normal = np.asarray(ahead.hit) & active, np.asarray(ahead.normal)
+        hit = np.asarray(ahead.hit) & active
+        normal = np.asarray(ahead.normal)
         fraction = np.maximum(np.asarray(ahead.alpha) - hit * (HIT_STANDOFF / RAY_STEP_LENGTH), 0.0)
         position += fraction[:, None] * step
         top = np.maximum(top, position[:, 2])
@@ -116,7 +117,8 @@ def trace_bounce_rays(task: TaskBatch, positions: FloatArray) -> FloatArray:
         drop = np.maximum(MAX_DROP_PER_STEP * np.asarray(below.alpha) - ball_radius, 0.0)
         position[:, 2] -= np.where(drops, drop, 0.0)
         # Reflect rays off walls. A ceiling has no horizontal normal.
-        rows, wall_normal = np.flatnonzero(hits_wall), normal[hits_wall, :2]
+        rows = np.flatnonzero(hits_wall)
+        wall_normal = normal[hits_wall, :2]
         lengths = np.hypot(wall_normal[:, 0], wall_normal[:, 1])
         wall_normal /= np.maximum(lengths, MIN_DIRECTION_LENGTH)[:, None]
         end_segments(rows, segment[rows], wall_normal)
