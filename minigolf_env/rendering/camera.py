@@ -38,7 +38,7 @@ MIN_HEADING_DISTANCE = 0.2
 The ball may roll past the cup."""
 
 NEAR_PLANE, FAR_PLANE = 0.02, 60.0
-"""Distances of the clipping planes from the camera, m; both grow where a fitted camera is far away."""
+"""Distances of the clipping planes from the camera, m; both are larger for a camera that is far away."""
 
 
 @dataclass(frozen=True)

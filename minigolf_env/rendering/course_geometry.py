@@ -72,7 +72,9 @@ class CourseGeometry:
 
 def build_course_geometry(course: Course) -> CourseGeometry:
     """Build the vertex arrays of a course."""
-    vertices, indices, chunks = [], [], []
+    vertices = []
+    indices = []
+    chunks = []
     first_vertex = 0
     first_index = 0
     for part in sorted(course.parts, key=lambda part: (part.material, part.color or ())):
@@ -119,7 +121,8 @@ def _smooth_normals(faces: NDArray[np.int64], normals: FloatArray) -> FloatArray
     counts = np.diff(np.append(starts, len(vertex)))
     smooth = np.repeat(normals, 3, axis=0)
     is_smooth = counts <= MAX_SMOOTH_FACES
-    starts, counts = starts[is_smooth], counts[is_smooth]
+    starts = starts[is_smooth]
+    counts = counts[is_smooth]
     # Pair every corner with every corner at the same vertex.
     num_partners = np.repeat(counts, counts)
     corner = np.repeat(sorted_corners[_concatenated_ranges(starts, counts)], num_partners)

@@ -1,4 +1,4 @@
-"""How an environment renders: its mode, image size, camera and quality profile."""
+"""Render settings of an environment: mode, image size, camera and quality profile."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 SOFTWARE_DRIVERS = ("llvmpipe", "softpipe", "swrast", "SwiftShader")
 """Names of OpenGL drivers that draw without a GPU."""
 
-MIN_FRAME_INTERVAL = 1.0 / 120.0
+MIN_PRESENT_INTERVAL = 1.0 / 120.0
 """Shortest time between two frames of a replay, s."""
 
 
@@ -115,7 +115,7 @@ class Window:
         replay_time = 0.0
         while self.is_open and replay_time < replay.duration:
             self.present(*replay.view(replay_time))
-            time.sleep(max(0.0, last_frame_time + MIN_FRAME_INTERVAL - time.perf_counter()))
+            time.sleep(max(0.0, last_frame_time + MIN_PRESENT_INTERVAL - time.perf_counter()))
             last_frame_time = time.perf_counter()
             replay_time = (last_frame_time - start_time) * self._speed
         if self.is_open:

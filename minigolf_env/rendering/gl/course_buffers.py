@@ -12,7 +12,7 @@ from minigolf_env.rendering.course_geometry import build_course_geometry
 from minigolf_env.rendering.dirty_rect import project_aabbs
 from minigolf_env.rendering.gl.buffers import MeshBuffer
 from minigolf_env.rendering.gl.program import Program
-from minigolf_env.rendering.gl.shadow_map import UP, create_shadow_map, find_covered_cells
+from minigolf_env.rendering.gl.shadow_map import UP_DIRECTION, create_shadow_map, find_covered_cells
 
 FloatArray = NDArray[np.float64]
 TintedMaterial = tuple[str, tuple[float, float, float] | None]
@@ -26,11 +26,17 @@ LAWN_CELLS = 40
 LAWN_MARGIN = 40.0
 """Distance by which the lawn extends beyond the course, m."""
 
-SUN_MAP_SIZE, SKY_MAP_SIZE = 1024, 512
-"""Pixels a side of the shadow maps of the sun, and of the sky (a light straight above)."""
+SUN_MAP_SIZE = 1024
+"""Pixels a side of the sun's shadow map."""
 
-SUN_BLUR, SKY_BLUR = 0.012, 0.07
-"""Blur radii of the maps, m: the softness of the sun's shadows, and of the darkening near walls."""
+SKY_MAP_SIZE = 512
+"""Pixels a side of the sky's shadow map, whose light is straight above."""
+
+SUN_BLUR = 0.012
+"""Blur radius of the sun's map, m: the softness of its shadows."""
+
+SKY_BLUR = 0.07
+"""Blur radius of the sky's map, m: the width of the darkening near walls."""
 
 FRAME_UNIFORMS_DTYPE = np.dtype(
     [
@@ -57,7 +63,7 @@ class CourseBuffers:
         self._chunk_half_extents = 0.5 * (upper - lower)
         bounds = geometry.lower, geometry.upper
         self.sun_map = create_shadow_map(self._mesh, depth_program, bounds, props.SUN_DIRECTION, SUN_MAP_SIZE, SUN_BLUR)
-        self.sky_map = create_shadow_map(self._mesh, depth_program, bounds, UP, SKY_MAP_SIZE, SKY_BLUR)
+        self.sky_map = create_shadow_map(self._mesh, depth_program, bounds, UP_DIRECTION, SKY_MAP_SIZE, SKY_BLUR)
         covered = find_covered_cells(self._mesh, depth_program, bounds, LAWN_CELLS)
         self.lawn = MeshBuffer(*props.lawn(covered, geometry.lower, geometry.upper, LAWN_MARGIN))
         self.uniforms = self._course_uniforms(course)

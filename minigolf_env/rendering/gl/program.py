@@ -10,7 +10,7 @@ from OpenGL import GL
 
 from minigolf_env.rendering.errors import RenderingError
 
-MATERIALS = (
+MATERIAL_NAMES = (
     "felt",
     "lawn",
     "wood",
@@ -38,7 +38,7 @@ class Program:
     """A linked shader program.
 
     Args:
-        name: "depth", "line", or one of MATERIALS.
+        name: "depth", "line", or one of MATERIAL_NAMES.
         fast: compile the profile "fast": no specular reflections and no shadow map of the sky.
 
     Raises:
@@ -47,10 +47,10 @@ class Program:
 
     def __init__(self, name: str, fast: bool = False) -> None:
         # One #define for each material, for the profile, and for the material of this program.
-        stem = "surface" if name in MATERIALS else name
-        defines = "".join(f"#define {material.upper()} {k}\n" for k, material in enumerate(MATERIALS))
+        stem = "surface" if name in MATERIAL_NAMES else name
+        defines = "".join(f"#define {material.upper()} {k}\n" for k, material in enumerate(MATERIAL_NAMES))
         defines += "#define FAST\n" if fast else ""
-        defines += f"#define MATERIAL {name.upper()}\n" if name in MATERIALS else ""
+        defines += f"#define MATERIAL {name.upper()}\n" if name in MATERIAL_NAMES else ""
         # Compile both shaders and link them.
         self.id = GL.glCreateProgram()
         for kind, suffix in ((GL.GL_VERTEX_SHADER, "vert"), (GL.GL_FRAGMENT_SHADER, "frag")):

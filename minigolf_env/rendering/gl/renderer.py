@@ -28,8 +28,8 @@ from minigolf_env.rendering.gl.buffers import (
     reset_gl_state,
 )
 from minigolf_env.rendering.gl.course_buffers import FRAME_UNIFORMS_DTYPE, CourseBuffers
-from minigolf_env.rendering.gl.program import FRAME_UNIFORMS_BINDING, MATERIALS, TEXTURE_UNITS, Program
-from minigolf_env.rendering.gl.shadow_map import UP
+from minigolf_env.rendering.gl.program import FRAME_UNIFORMS_BINDING, MATERIAL_NAMES, TEXTURE_UNITS, Program
+from minigolf_env.rendering.gl.shadow_map import UP_DIRECTION
 from minigolf_env.rendering.scene_state import SceneState
 
 FloatArray = NDArray[np.float64]
@@ -195,7 +195,7 @@ class Renderer:
     def _is_flag_visible(self, foot: FloatArray, clip: FloatArray, edges: FloatArray) -> bool:
         """Return whether a flag at a foot (3,) may be seen between edges (2, 2) of the image."""
         half_extent = np.array([props.CLOTH_LENGTH, props.CLOTH_LENGTH, 0.5 * props.POLE_HEIGHT])
-        lower, upper = project_aabbs((foot + UP * half_extent)[None], half_extent[None], clip)
+        lower, upper = project_aabbs((foot + UP_DIRECTION * half_extent)[None], half_extent[None], clip)
         return bool((upper >= edges[0]).all() and (lower <= edges[1]).all())
 
     def _draw_flag(self, foot: FloatArray) -> None:
@@ -225,7 +225,7 @@ class Renderer:
 
     def _program(self, name: str) -> Program:
         """Return a program in the present profile; it is compiled at the first call."""
-        key = name, self._is_fast and name in MATERIALS  # The others are the same in all profiles.
+        key = name, self._is_fast and name in MATERIAL_NAMES  # The others are the same in all profiles.
         if key not in self._programs:
             self._programs[key] = Program(*key)
         return self._programs[key]

@@ -17,7 +17,8 @@ from minigolf_env.rendering.gl.program import Program
 
 FloatArray = NDArray[np.float64]
 
-UP = np.array([0.0, 0.0, 1.0])
+UP_DIRECTION = np.array([0.0, 0.0, 1.0])
+"""Unit vector (3,) upwards."""
 
 BOUNDS_MARGIN = 0.1
 """Distance by which a map's volume extends beyond the course's bounding box, m."""
@@ -60,7 +61,7 @@ def create_shadow_map(
     """
     # Orthographic projection along the light that contains the bounding box.
     lower, upper = bounds[0] - BOUNDS_MARGIN, bounds[1] + BOUNDS_MARGIN
-    reference = np.array([0.0, 1.0, 0.0]) if abs(to_light[2]) > 0.99 else UP
+    reference = np.array([0.0, 1.0, 0.0]) if abs(to_light[2]) > 0.99 else UP_DIRECTION
     right = np.cross(reference, to_light)
     right = right / np.linalg.norm(right)
     axes = np.stack([right, np.cross(to_light, right), -to_light])
