@@ -1,4 +1,4 @@
-"""Drawing leaks neither memory nor file descriptors."""
+"""Rendering leaks neither memory nor file descriptors."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from tests.rendering.leaks import environments, pictures
+from tests.rendering.leaks import growth_of_environments, growth_of_images
 
 pytestmark = [
     pytest.mark.usefixtures("gl"),
@@ -14,15 +14,15 @@ pytestmark = [
 ]
 
 
-def test_environments_leak_nothing() -> None:
-    """More sizes than are kept come and go: memory grows by less than one small picture's buffers an environment."""
-    grown = environments(300)
+def test_environments_leak_no_memory_and_no_descriptors() -> None:
+    """With more sizes than framebuffers are cached, memory grows by less than one small framebuffer an environment."""
+    grown = growth_of_environments(300)
     assert grown.descriptors <= 0
     assert grown.megabytes < 8.0
 
 
-def test_pictures_leak_nothing() -> None:
-    """A thousand more pictures need no more memory."""
-    grown = pictures(1000)
+def test_images_leak_no_memory_and_no_descriptors() -> None:
+    """A thousand more images need no more memory."""
+    grown = growth_of_images(1000)
     assert grown.descriptors <= 0
     assert grown.megabytes < 4.0

@@ -1,4 +1,4 @@
-"""Pictures as such: the same bits always, and nothing missing in them."""
+"""Rendered images: equal bits in all circumstances, and everything visible in them."""
 
 from __future__ import annotations
 
@@ -29,36 +29,35 @@ pytestmark = pytest.mark.usefixtures("gl")
 ROOT = Path(__file__).parents[2]
 GOLDEN = ROOT / "tests" / "data" / "pictures"
 SIZE = (240, 180)
-CLOSE = {"close": ((3.2, 1.9), (3.1, 1.75, 0.12)), "cup": ((3.35, 2.0), (3.2, 1.7, 0.35))}
-"""Where the ball lies and from where it is seen closely, m."""
+CLOSE_UPS = {"close": ((3.2, 1.9), (3.1, 1.75, 0.12)), "cup": ((3.35, 2.0), (3.2, 1.7, 0.35))}
+"""Position (2,) of the ball and of the camera (3,) in the close-ups, m."""
 DOGLEG = load_course("dogleg")
-ALIKE = 0.75
-"""Mean difference (of 255) that pictures of other graphics libraries may have; a missing ball differs by more."""
+MAX_MEAN_DIFFERENCE = 0.75
+"""Mean difference (of 255) allowed to other OpenGL drivers; an image without the ball differs by more."""
 
 
-def moment(ball: tuple[float, float] = (0.6, 0.4)) -> SceneState:
+def make_state(ball: tuple[float, float] = (0.6, 0.4)) -> SceneState:
     """Return a ball on the dogleg's felt, with a trail."""
-    place = np.array([*ball, DOGLEG.ball_radius])
-    way = np.linspace(place - [0.3, 0.1, 0.019], place - [0, 0, 0.019], 12)
-    return SceneState(
-        place, np.eye(3), flag_position(DOGLEG, place), (Line(way, 0.02, (1, 1, 1, 0.1), (1, 1, 1, 0.5)),)
-    )
+    position = np.array([*ball, DOGLEG.ball_radius])
+    path = np.linspace(position - [0.3, 0.1, 0.019], position - [0, 0, 0.019], 12)
+    trail = Line(path, 0.02, (1, 1, 1, 0.1), (1, 1, 1, 0.5))
+    return SceneState(position, np.eye(3), flag_position(DOGLEG, position), (trail,))
 
 
-def picture(frame: SceneState | None = None, camera: str = "follow", profile: str = "high") -> Image:
-    """Return a picture of the dogleg."""
-    frame = moment() if frame is None else frame
-    return draw(DOGLEG, make_camera(camera, DOGLEG, frame.ball, SIZE[0] / SIZE[1]), frame, SIZE, profile)
+def draw_dogleg(state: SceneState | None = None, camera: str = "follow", profile: str = "high") -> Image:
+    """Return an image of the dogleg."""
+    state = make_state() if state is None else state
+    return draw(DOGLEG, make_camera(camera, DOGLEG, state.ball, SIZE[0] / SIZE[1]), state, SIZE, profile)
 
 
-def difference(a: Image, b: Image) -> float:
-    """Return how much two pictures differ where they differ most: the largest mean over tiles of 12 x 12 pixels."""
-    away = np.abs(a.astype(float) - b).mean(axis=2)
-    return float(away.reshape(SIZE[1] // 12, 12, SIZE[0] // 12, 12).mean(axis=(1, 3)).max())
+def max_tile_difference(a: Image, b: Image) -> float:
+    """Return the largest mean difference of two images over tiles of 12 x 12 pixels."""
+    differences = np.abs(a.astype(float) - b).mean(axis=2)
+    return float(differences.reshape(SIZE[1] // 12, 12, SIZE[0] // 12, 12).mean(axis=(1, 3)).max())
 
 
-def digest(code: str, **environment: str) -> str:
-    """Return what a fresh process prints that runs ``code`` with this module's names."""
+def run_in_new_process(code: str, **environment: str) -> str:
+    """Return the output of a new process that runs ``code`` with the names of this module."""
     names = "from tests.rendering.test_pictures import *; "
     done = subprocess.run(
         [sys.executable, "-c", names + code],
@@ -72,103 +71,110 @@ def digest(code: str, **environment: str) -> str:
     return done.stdout.strip()
 
 
-def fingerprint(*pictures: Image) -> str:
-    """Return a hash of pictures."""
-    return hashlib.sha256(b"".join(map(bytes, pictures))).hexdigest()
+def hash_images(*images: Image) -> str:
+    """Return a hash of images."""
+    return hashlib.sha256(b"".join(map(bytes, images))).hexdigest()
 
 
 @pytest.mark.parametrize("profile", ["high", "fast"])
-def test_the_same_picture_twice(profile: str) -> None:
-    """Bit for bit, with others drawn in between."""
-    first = picture(profile=profile)
-    picture(camera="top", profile=profile)
-    assert (picture(profile=profile) == first).all()
+def test_drawing_twice_gives_equal_bits(profile: str) -> None:
+    """Another image is drawn in between."""
+    first = draw_dogleg(profile=profile)
+    draw_dogleg(camera="top", profile=profile)
+    assert (draw_dogleg(profile=profile) == first).all()
 
 
 @pytest.mark.parametrize("threads", ["0", "1", "2"])
-def test_the_same_picture_in_another_process_with_other_threads(threads: str) -> None:
-    """The software renderer's threads change nothing."""
-    here = fingerprint(picture(), picture(camera="top", profile="fast"))
-    there = digest('print(fingerprint(picture(), picture(camera="top", profile="fast")))', LP_NUM_THREADS=threads)
+def test_new_process_with_any_number_of_threads_gives_equal_bits(threads: str) -> None:
+    """LP_NUM_THREADS sets the threads of Mesa's software renderer."""
+    here = hash_images(draw_dogleg(), draw_dogleg(camera="top", profile="fast"))
+    there = run_in_new_process(
+        'print(hash_images(draw_dogleg(), draw_dogleg(camera="top", profile="fast")))', LP_NUM_THREADS=threads
+    )
     assert there == here
 
 
 @pytest.mark.parametrize("profile", ["high", "fast"])
 @pytest.mark.parametrize("camera", ["top", "tee", "orbit"])
 @pytest.mark.parametrize("name", ["dogleg", "room"])
-def test_drawing_only_what_moves_gives_the_same_picture(name: str, camera: str, profile: str) -> None:
-    """Balls anywhere, in the air and beside the course, the flag in and out, lines: as if all were drawn."""
-    course, rng, size = load_course(name), np.random.default_rng(0), (96, 72)
-    place = make_camera(camera, course, np.zeros(3), 4 / 3)
+def test_dirty_rectangle_gives_the_bits_of_a_full_redraw(name: str, camera: str, profile: str) -> None:
+    """Balls are anywhere, in the air and next to the course, the flag in and out of the cup, some with lines."""
+    course = load_course(name)
+    rng = np.random.default_rng(0)
+    size = (96, 72)
+    viewpoint = make_camera(camera, course, np.zeros(3), 4 / 3)
     lower, upper = np.array(course.bounds)
     for k in range(8):
         ball = rng.uniform(lower, upper)
         line = Line(rng.uniform(lower, upper, (4, 3)), 0.03, (1, 0, 0, 0.8), (1, 1, 1, 0.3))
-        frame = SceneState(ball, np.eye(3), flag_position(course, ball), (line,) if k % 3 == 0 else (), 1.0 + k % 2)
-        with get_offscreen_renderer().context.current():
-            expected = get_offscreen_renderer().renderer().draw(course, place, frame, size, profile).read()
-        np.testing.assert_array_equal(draw(course, place, frame, size, profile), expected)
+        lines = (line,) if k % 3 == 0 else ()
+        state = SceneState(ball, np.eye(3), flag_position(course, ball), lines, 1.0 + k % 2)
+        renderer = get_offscreen_renderer()
+        with renderer.context.current():
+            expected = renderer.renderer().draw(course, viewpoint, state, size, profile).read()
+        np.testing.assert_array_equal(draw(course, viewpoint, state, size, profile), expected)
 
 
-def test_other_threads_draw_the_same() -> None:
-    """Four threads at once get what one gets."""
-    expected, drawn = picture(), []
-    threads = [threading.Thread(target=lambda: drawn.append(picture())) for _ in range(4)]
+def test_threads_give_equal_bits() -> None:
+    """Four threads draw at the same time."""
+    expected, drawn = draw_dogleg(), []
+    threads = [threading.Thread(target=lambda: drawn.append(draw_dogleg())) for _ in range(4)]
     for thread in threads:
         thread.start()
     for thread in threads:
         thread.join()
-    assert len(drawn) == 4 and all((one == expected).all() for one in drawn)
+    assert len(drawn) == 4 and all((image == expected).all() for image in drawn)
 
 
-def stored(name: str) -> Image:
-    """Return a picture as it was when it was looked at."""
+def stored_image(name: str) -> Image:
+    """Return the stored image of a name, which a person has checked."""
     return np.asarray(PIL.Image.open(GOLDEN / f"dogleg_{name}.png").convert("RGB"))
 
 
-def golden(name: str) -> Image:
-    """Return a stored picture's like: a view's name, "close" (to the ball) or "cup"."""
-    if name not in CLOSE:
-        return picture(camera=name)
-    place, eye = CLOSE[name]
-    frame = moment(place)._replace(flag=flag_rest_position(DOGLEG))
+def draw_like_stored(name: str) -> Image:
+    """Return the image that should equal a stored one: a camera's name, "close" (to the ball) or "cup"."""
+    if name not in CLOSE_UPS:
+        return draw_dogleg(camera=name)
+    ball, eye = CLOSE_UPS[name]
+    state = make_state(ball)._replace(flag=flag_rest_position(DOGLEG))
     renderer = OffscreenRenderer()
     with renderer.context.current():
-        return renderer.draw((DOGLEG, Camera(eye, (*place, 0.0)), SIZE, "high"), frame)
+        return renderer.draw((DOGLEG, Camera(eye, (*ball, 0.0)), SIZE, "high"), state)
 
 
 @pytest.mark.parametrize("name", ["follow", "top", "tee", "orbit", "close", "cup"])
-def test_pictures_are_those_looked_at_when_they_were_made(name: str) -> None:
-    """Against stored pictures, with room for other graphics libraries: ``python -m tests.rendering.test_pictures``."""
-    now = golden(name)
-    assert np.abs(now.astype(float) - stored(name)).mean() < ALIKE
-    assert difference(now, stored(name)) < 4.0 * ALIKE
+def test_images_equal_the_stored_ones(name: str) -> None:
+    """Other OpenGL drivers may differ slightly. ``python -m tests.rendering.test_pictures`` stores new images."""
+    image = draw_like_stored(name)
+    assert np.abs(image.astype(float) - stored_image(name)).mean() < MAX_MEAN_DIFFERENCE
+    assert max_tile_difference(image, stored_image(name)) < 4.0 * MAX_MEAN_DIFFERENCE
 
 
-def test_a_hidden_ball_is_hinted_at() -> None:
-    """Behind the border a pale disc shows where it is; in the open there is none over the ball."""
+def test_hidden_ball_has_a_ghost() -> None:
+    """Behind the border a pale disc shows the position of the ball; a visible ball has none."""
     camera = Camera((-0.6, 0.6, 0.15), (0.3, 0.6, 0.0))
-    hidden = moment((0.03, 0.6))._replace(lines=())
-    away = hidden._replace(ball=hidden.ball + np.array([3.0, 0.0, 0.0]))
-    seen = draw(DOGLEG, camera, hidden, SIZE, "high"), draw(DOGLEG, camera, away, SIZE, "high")
-    changed = np.abs(seen[0].astype(int) - seen[1]).max(axis=2) > 20
+    hidden = make_state((0.03, 0.6))._replace(lines=())
+    elsewhere = hidden._replace(ball=hidden.ball + np.array([3.0, 0.0, 0.0]))
+    with_ghost = draw(DOGLEG, camera, hidden, SIZE, "high")
+    without_ghost = draw(DOGLEG, camera, elsewhere, SIZE, "high")
+    changed = np.abs(with_ghost.astype(int) - without_ghost).max(axis=2) > 20
     assert 20 < changed.sum() < 0.02 * changed.size
 
 
-def without(what: str) -> Image:
-    """Return the followed picture with something missing from it."""
-    frame = moment()
+def draw_without(what: str) -> Image:
+    """Return the image from behind the tee with something missing."""
+    state = make_state()
     if what == "ball and its shadow":
-        return picture(frame._replace(ball=frame.ball - [0, 0, 50.0]), camera="tee")
+        return draw_dogleg(state._replace(ball=state.ball - [0, 0, 50.0]), camera="tee")
     if what == "flag":
-        return picture(frame._replace(flag=np.array([0.0, 0.0, -50.0])), camera="tee")
-    return picture(frame._replace(lines=()), camera="tee")
+        return draw_dogleg(state._replace(flag=np.array([0.0, 0.0, -50.0])), camera="tee")
+    return draw_dogleg(state._replace(lines=()), camera="tee")
 
 
 @pytest.mark.parametrize("what", ["ball and its shadow", "flag", "trail"])
-def test_the_comparison_notices_what_is_missing(what: str) -> None:
-    """Each small thing changes the picture by more than the comparison allows."""
-    assert difference(without(what), picture(camera="tee")) > 4.0 * ALIKE
+def test_comparison_detects_missing_objects(what: str) -> None:
+    """Each small object changes the image by more than the comparison allows."""
+    assert max_tile_difference(draw_without(what), draw_dogleg(camera="tee")) > 4.0 * MAX_MEAN_DIFFERENCE
 
 
 @pytest.mark.parametrize(
@@ -187,74 +193,76 @@ def test_the_comparison_notices_what_is_missing(what: str) -> None:
         ("the gloss", "close", ("if (gloss > 0.0)", "if (false)")),
     ],
 )
-def test_the_comparison_notices_broken_shaders(
+def test_comparison_detects_broken_shaders(
     broken: str, name: str, change: tuple[str, str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Without one of the lights a stored picture is missed by more than it may be."""
+    """Without one of the effects an image differs from the stored one by more than the comparison allows."""
     from minigolf_env.rendering.gl import offscreen, program
 
-    sources = program.read_shader
+    read_shader = program.read_shader
 
     def altered(file: str) -> str:
-        text = sources(file)
+        text = read_shader(file)
         assert file != "surface.frag" or change[0] in text, f"surface.frag has changed: {change[0]}"
         return text.replace(*change)
 
     monkeypatch.setattr(program, "read_shader", altered)
-    fresh = OffscreenRenderer()
-    monkeypatch.setattr(offscreen, "get_offscreen_renderer", lambda: fresh)
-    assert difference(golden(name), stored(name)) > 4.0 * ALIKE, broken
+    renderer = OffscreenRenderer()
+    monkeypatch.setattr(offscreen, "get_offscreen_renderer", lambda: renderer)
+    assert max_tile_difference(draw_like_stored(name), stored_image(name)) > 4.0 * MAX_MEAN_DIFFERENCE, broken
 
 
-def test_an_interrupted_picture_spoils_no_other(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Wherever drawing stops, the next picture is right, and so is that of a course drawn for the first time."""
+def test_interrupted_image_does_not_disturb_the_next(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Wherever drawing stops, the next image is right, also of a course that is drawn for the first time."""
     from minigolf_env.rendering.gl import buffers, renderer
 
-    expected = picture(), picture(camera="top"), picture(camera="top")
+    expected = draw_dogleg(), draw_dogleg(camera="top"), draw_dogleg(camera="top")
 
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt
 
-    for place, method in (
+    for owner, method in (
         (buffers.LineStrips, "draw"),
         (buffers.MeshBuffer, "draw"),
         (buffers.Framebuffer, "resolve"),
         (renderer.Renderer, "_draw_flag"),
     ):
         with monkeypatch.context() as patched:
-            patched.setattr(place, method, interrupted)
-            with pytest.raises(KeyboardInterrupt):  # Of a view that is new, so that all of it is drawn.
-                draw(DOGLEG, Camera((float(len(method)), -1.0, 1.0), (3.0, 2.0, 0.0)), moment(), SIZE)
-            with contextlib.suppress(KeyboardInterrupt):  # The flag is not in the part that is drawn again.
-                picture(camera="top")
+            patched.setattr(owner, method, interrupted)
+            with pytest.raises(KeyboardInterrupt):  # A new camera, so that the whole image is drawn.
+                draw(DOGLEG, Camera((float(len(method)), -1.0, 1.0), (3.0, 2.0, 0.0)), make_state(), SIZE)
+            with contextlib.suppress(KeyboardInterrupt):  # The flag is not in the dirty rectangle.
+                draw_dogleg(camera="top")
         course = dataclasses.replace(DOGLEG)
-        again = draw(course, make_camera("follow", course, moment().ball, 4 / 3), moment(), SIZE, "high")
-        for now, before in zip((again, picture(camera="top"), picture(camera="top")), expected, strict=True):
-            np.testing.assert_array_equal(now, before)
+        first_image = draw(course, make_camera("follow", course, make_state().ball, 4 / 3), make_state(), SIZE, "high")
+        for image, before in zip(
+            (first_image, draw_dogleg(camera="top"), draw_dogleg(camera="top")), expected, strict=True
+        ):
+            np.testing.assert_array_equal(image, before)
 
 
-def test_first_pictures_from_several_threads() -> None:
-    """In a fresh process four threads that draw at once get the same right picture."""
+def test_first_images_of_several_threads_are_equal() -> None:
+    """In a new process four threads draw the first image at the same time."""
     code = """
 import threading
 gate, drawn = threading.Barrier(4), []
-def act(): gate.wait(); drawn.append(fingerprint(picture(profile="fast")))
+def act(): gate.wait(); drawn.append(hash_images(draw_dogleg(profile="fast")))
 threads = [threading.Thread(target=act) for _ in range(4)]
 for t in threads: t.start()
 for t in threads: t.join()
 print(len(drawn), *set(drawn))
 """
-    assert digest(f"exec({code!r})") == f"4 {fingerprint(picture(profile='fast'))}"
+    assert run_in_new_process(f"exec({code!r})") == f"4 {hash_images(draw_dogleg(profile='fast'))}"
 
 
-def test_a_display_that_fails_is_passed_over(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Where one EGL display raises, the next is tried; where all do, each is named."""
-    found = gl_context._platform_display
+def test_skips_egl_displays_that_fail(monkeypatch: pytest.MonkeyPatch) -> None:
+    """If one EGL display raises, the next is tried; if all do, the message names each."""
+    platform_display = gl_context._platform_display
 
     def failing(platform: int, native: object) -> object:
         if platform == gl_context.PLATFORM_DEVICE:
             raise OSError("bad device")
-        return found(platform, native)
+        return platform_display(platform, native)
 
     monkeypatch.setattr(gl_context, "_platform_display", failing)
     with gl_context.EGLContext().current():
@@ -268,35 +276,36 @@ def test_a_display_that_fails_is_passed_over(monkeypatch: pytest.MonkeyPatch) ->
         gl_context.EGLContext()
 
 
-def test_the_largest_size_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Beyond the library's limit there is an error that names it, and the next picture is drawn."""
+def test_rejects_sizes_beyond_the_drivers_limit(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The message names the argument, and the next image is drawn."""
     with pytest.raises(RenderingError, match="render_size"):
-        draw(DOGLEG, make_camera("top", DOGLEG, np.zeros(3), 1.0), moment(), (100_000, 8))
-    assert picture().shape == (SIZE[1], SIZE[0], 3)
+        draw(DOGLEG, make_camera("top", DOGLEG, np.zeros(3), 1.0), make_state(), (100_000, 8))
+    assert draw_dogleg().shape == (SIZE[1], SIZE[0], 3)
 
 
-def test_the_smallest_size_is_one_pixel() -> None:
-    """Odd and tiny sizes have the shape that was asked for."""
+def test_draws_odd_and_tiny_sizes() -> None:
+    """The smallest size is one pixel."""
     for size in ((1, 1), (3, 7), (101, 33)):
-        assert draw(DOGLEG, make_camera("top", DOGLEG, np.zeros(3), 1.0), moment(), size).shape == (size[1], size[0], 3)
+        image = draw(DOGLEG, make_camera("top", DOGLEG, np.zeros(3), 1.0), make_state(), size)
+        assert image.shape == (size[1], size[0], 3)
 
 
-def test_a_forked_child_is_told_and_does_not_hang() -> None:
+def test_forked_child_raises_instead_of_hanging() -> None:
     """OpenGL does not survive a fork."""
     code = """
-picture()
+draw_dogleg()
 import multiprocessing
 def child(queue):
-    try: picture()
+    try: draw_dogleg()
     except RenderingError as error: queue.put(str(error))
 fork = multiprocessing.get_context("fork"); queue = fork.Queue()
 process = fork.Process(target=child, args=(queue,)); process.start(); print(queue.get(timeout=60)); process.join()
 """
-    assert "fork" in digest(f"exec({code!r})")
+    assert "fork" in run_in_new_process(f"exec({code!r})")
 
 
-def test_nothing_of_opengl_is_loaded_before_the_first_picture() -> None:
-    """Neither import nor make, reset and step without a render mode."""
+def test_opengl_is_not_imported_before_the_first_image() -> None:
+    """Neither the import of the package nor make, reset and step load it."""
     code = (
         "import sys, gymnasium as gym, minigolf_env; env = gym.make('MiniGolf-v0', render_mode='rgb_array'); "
         "env.reset(seed=0); env.step([0.1, 0]); print(*sorted({'OpenGL', 'pyglet'} & set(sys.modules)))"
@@ -305,8 +314,8 @@ def test_nothing_of_opengl_is_loaded_before_the_first_picture() -> None:
     assert done.stdout.split() == []
 
 
-def test_a_missing_library_is_named_with_its_remedy() -> None:
-    """Whatever PyOpenGL raises where libEGL cannot be loaded becomes one sentence."""
+def test_message_about_missing_libraries_has_the_remedy() -> None:
+    """PyOpenGL raises several kinds of exceptions if libEGL cannot be loaded; all become one message."""
     code = """
 import ctypes, ctypes.util, sys
 for name in [name for name in sys.modules if name.startswith("OpenGL")]: del sys.modules[name]
@@ -319,34 +328,34 @@ ctypes.util.find_library = lambda name: None if "EGL" in name else name
 try: gl_context.EGLContext()
 except RenderingError as error: print(error)
 """
-    assert "apt-get install libegl1 libgl1" in digest(f"exec({code!r})")
+    assert "apt-get install libegl1 libgl1" in run_in_new_process(f"exec({code!r})")
 
 
-def test_a_device_that_is_not_there_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The variable that chooses one is checked."""
+def test_rejects_an_egl_device_that_does_not_exist(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The message names the environment variable and its value."""
     monkeypatch.setenv(gl_context.DEVICE_VARIABLE, "99")
     with pytest.raises(RenderingError, match=f"{gl_context.DEVICE_VARIABLE}.*99"):
         gl_context.EGLContext()
 
 
-def address(pointer: Any) -> int | None:
-    """Return where a pointer points."""
+def address_of(pointer: Any) -> int | None:
+    """Return the address that a pointer has."""
     return ctypes.cast(pointer, ctypes.c_void_p).value
 
 
-def test_other_users_of_opengl_are_not_disturbed() -> None:
-    """A context that was current before a picture is current after it, and undamaged."""
+def test_restores_the_context_of_other_opengl_users() -> None:
+    """A context that was current before an image is current after it, with its state."""
     from OpenGL import EGL, GL
 
     other = gl_context.EGLContext()
     with other.current():
-        before = address(EGL.eglGetCurrentContext())
+        before = address_of(EGL.eglGetCurrentContext())
         GL.glClearColor(0.25, 0.5, 0.75, 1.0)
-        picture()
-        assert address(EGL.eglGetCurrentContext()) == before
+        draw_dogleg()
+        assert address_of(EGL.eglGetCurrentContext()) == before
         np.testing.assert_allclose(GL.glGetFloatv(GL.GL_COLOR_CLEAR_VALUE), [0.25, 0.5, 0.75, 1.0])
 
 
 if __name__ == "__main__":
-    for name in ("follow", "top", "tee", "orbit", *CLOSE):
-        PIL.Image.fromarray(golden(name)).save(GOLDEN / f"dogleg_{name}.png")
+    for name in ("follow", "top", "tee", "orbit", *CLOSE_UPS):
+        PIL.Image.fromarray(draw_like_stored(name)).save(GOLDEN / f"dogleg_{name}.png")

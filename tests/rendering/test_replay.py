@@ -1,4 +1,4 @@
-"""A putt as a film: the ball is where the physics had it and rolls without slipping; the camera does not jump."""
+"""Replays of putts: the ball follows the physics and rolls without slipping; the camera does not jump."""
 
 from __future__ import annotations
 
@@ -20,48 +20,48 @@ WORLD = DOGLEG.world()
 TEE = np.array([0.35, 0.625, DOGLEG.ball_radius])
 
 
-def replay(camera: str = "follow", speed: float = 3.0, turn: float = 0.3, **options: object) -> Replay:
-    """Return a putt from the dogleg's tee: speed in m/s, turn from the x axis in radians."""
-    velocity = speed * np.array([np.cos(turn), np.sin(turn), 0.0])
+def make_replay(camera: str = "follow", speed: float = 3.0, angle: float = 0.3, **options: object) -> Replay:
+    """Return the replay of a putt from the dogleg's tee: speed in m/s, angle from the x axis in radians."""
+    velocity = speed * np.array([np.cos(angle), np.sin(angle), 0.0])
     shot = WORLD.simulate(TEE, velocity, record=True)
     assert shot.path is not None and shot.times is not None
     return Replay(DOGLEG, shot.path, shot.times, camera, 4 / 3, **options)  # type: ignore[arg-type]
 
 
-def test_the_ball_is_where_the_physics_had_it() -> None:
-    """At every recorded time, at the start and after the end."""
+def test_ball_is_at_the_simulated_position() -> None:
+    """At every recorded time, at the start, and after the end."""
     shot = WORLD.simulate(TEE, (2.0, 0.5, 0.0), record=True)
     assert shot.path is not None and shot.times is not None
-    film = Replay(DOGLEG, shot.path, shot.times, "top", 1.0)
+    replay = Replay(DOGLEG, shot.path, shot.times, "top", 1.0)
     for position, time in zip(shot.path, shot.times, strict=True):
-        np.testing.assert_allclose(film.scene_state(time).ball, position, atol=1e-12)
-    np.testing.assert_array_equal(film.scene_state(shot.time + 1.0).ball, shot.position)
-    assert film.duration == shot.time + PAUSE_AFTER_PUTT
+        np.testing.assert_allclose(replay.scene_state(time).ball, position, atol=1e-12)
+    np.testing.assert_array_equal(replay.scene_state(shot.time + 1.0).ball, shot.position)
+    assert replay.duration == shot.time + PAUSE_AFTER_PUTT
 
 
-def test_the_ball_rolls_without_slipping() -> None:
-    """Along a straight way its lowest point rests on the ground, and a whole circumference is a whole turn."""
+def test_ball_rolls_without_slipping() -> None:
+    """After a quarter of its circumference its top is in front, after all of it the rotation is complete."""
     radius = DOGLEG.ball_radius
     x = np.linspace(0.0, 2.0 * np.pi * radius, 101)
     path = np.stack([0.5 + x, np.full(101, 0.6), np.full(101, radius)], axis=-1)
-    film = Replay(DOGLEG, path, np.linspace(0.0, 1.0, 101), "top", 1.0)
-    quarter = film.scene_state(0.25).rotation
-    np.testing.assert_allclose(quarter @ [0, 0, 1], [1, 0, 0], atol=1e-9)  # Its top has come to the front.
-    np.testing.assert_allclose(film.scene_state(1.0).rotation, np.eye(3), atol=1e-9)
+    replay = Replay(DOGLEG, path, np.linspace(0.0, 1.0, 101), "top", 1.0)
+    quarter = replay.scene_state(0.25).rotation
+    np.testing.assert_allclose(quarter @ [0, 0, 1], [1, 0, 0], atol=1e-9)
+    np.testing.assert_allclose(replay.scene_state(1.0).rotation, np.eye(3), atol=1e-9)
 
 
-def test_turns_are_rotations_and_go_on() -> None:
-    """However long the way; and the next putt starts with the last one's turn."""
-    first = replay()
-    turn = first.final_rotation
-    np.testing.assert_allclose(turn @ turn.T, np.eye(3), atol=1e-9)
-    assert np.linalg.det(turn) > 0.0
+def test_rotation_stays_orthogonal_and_continues_with_the_next_putt() -> None:
+    """The final matrix of a long putt is a rotation, and the initial one of the next."""
+    rotation = make_replay().final_rotation
+    np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-9)
+    assert np.linalg.det(rotation) > 0.0
     resting = np.tile(TEE, (2, 1)), np.array([0.0, 1.0])
-    np.testing.assert_array_equal(Replay(DOGLEG, *resting, "top", 1.0, rotation=turn).scene_state(0.0).rotation, turn)
+    following = Replay(DOGLEG, *resting, "top", 1.0, rotation=rotation)
+    np.testing.assert_array_equal(following.scene_state(0.0).rotation, rotation)
 
 
-def test_the_flag_is_out_of_the_way_when_the_ball_comes() -> None:
-    """Down while the ball is far, lifted above the cup, and moving evenly in between."""
+def test_flag_is_lifted_when_the_ball_approaches_the_cup() -> None:
+    """It stands in the cup while the ball is far, is lifted above the cup, and moves smoothly in between."""
     assert DOGLEG.cup is not None
     x, y, rim = DOGLEG.cup.position
     bottom = rim - DOGLEG.cup.depth
@@ -72,38 +72,39 @@ def test_the_flag_is_out_of_the_way_when_the_ball_comes() -> None:
 
 
 @pytest.mark.parametrize("speed", [1.0, 3.0, 6.0])
-def test_a_following_camera_is_smooth(speed: float) -> None:
-    """From picture to picture it goes no further than the ball may, and changes its way gently; also into the next."""
-    first = replay(speed=speed)
+def test_follow_camera_moves_smoothly(speed: float) -> None:
+    """Its velocity and the change of it from frame to frame are bounded, also from one putt to the next."""
+    first = make_replay(speed=speed)
     end = first.scene_state(first.shot_time).ball
     resting = np.tile(end, (30, 1)), np.arange(30) / 120
     second = Replay(DOGLEG, *resting, "follow", 4 / 3, previous_camera=first.final_camera)
-    eyes = [film.camera(time).eye for film in (first, second) for time in film.frame_times(60)]
-    steps = np.diff(eyes, axis=0) * 60.0
-    assert np.linalg.norm(steps, axis=1).max() < 1.5 * speed + 3.0
-    assert np.linalg.norm(np.diff(steps, axis=0), axis=1).max() < 0.15 * (1.5 * speed + 3.0)
+    eyes = [replay.camera(time).eye for replay in (first, second) for time in replay.frame_times(60)]
+    velocities = np.diff(eyes, axis=0) * 60.0
+    assert np.linalg.norm(velocities, axis=1).max() < 1.5 * speed + 3.0
+    assert np.linalg.norm(np.diff(velocities, axis=0), axis=1).max() < 0.15 * (1.5 * speed + 3.0)
 
 
-def test_pictures_are_counted_and_the_trail_fades() -> None:
-    """One picture each 1 / fps of the duration; a trail behind a moving ball, none before and none in the end."""
-    film = replay()
-    assert len(film.frame_times(30)) == int(np.ceil(film.duration * 30))
-    assert not film.scene_state(0.0).lines and film.scene_state(0.5).lines and not film.scene_state(film.duration).lines
-    ends: FloatArray = film.scene_state(0.5).lines[0].points[-1]
-    np.testing.assert_allclose(ends[:2], film.scene_state(0.5).ball[:2], atol=1e-9)
+def test_frames_cover_the_duration_and_the_trail_fades() -> None:
+    """There is a frame each 1 / fps; the trail ends at the moving ball, and there is none at the start and the end."""
+    replay = make_replay()
+    assert len(replay.frame_times(30)) == int(np.ceil(replay.duration * 30))
+    assert not replay.scene_state(0.0).lines and not replay.scene_state(replay.duration).lines
+    state = replay.scene_state(0.5)
+    trail_end: FloatArray = state.lines[0].points[-1]
+    np.testing.assert_allclose(trail_end[:2], state.ball[:2], atol=1e-9)
 
 
-def test_a_band_keeps_its_width() -> None:
-    """The two borders of a straight trail are parallel and as far apart as it is wide."""
-    line = replay().path_line(50)
-    band, tints = line.triangle_strip()
-    across = np.linalg.norm(band[1::2] - band[::2], axis=1)
-    np.testing.assert_allclose(across, line.width, rtol=1e-9)
-    assert tints.shape == (100, 4) and tints.min() >= 0.0 and tints.max() <= 1.0
+def test_triangle_strip_of_a_line_has_its_width() -> None:
+    """The borders of the strip are as far apart as the line is wide; its colours are in [0, 1]."""
+    line = make_replay().path_line(50)
+    positions, colors = line.triangle_strip()
+    widths = np.linalg.norm(positions[1::2] - positions[::2], axis=1)
+    np.testing.assert_allclose(widths, line.width, rtol=1e-9)
+    assert colors.shape == (100, 4) and colors.min() >= 0.0 and colors.max() <= 1.0
 
 
-def test_a_still_picture_shows_the_ball_at_rest() -> None:
-    """With the flag in the cup when it is far."""
+def test_static_view_has_the_ball_at_rest_and_the_flag_in_a_distant_cup() -> None:
+    """There is no trail."""
     _, state = static_view(DOGLEG, "tee", 1.0, TEE)
     np.testing.assert_array_equal(state.ball, TEE)
     assert DOGLEG.cup is not None and state.flag[2] == -DOGLEG.cup.depth and not state.lines

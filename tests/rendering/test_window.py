@@ -1,4 +1,4 @@
-"""Render mode "human", in a real window on a screen in memory."""
+"""Render mode "human", in a real window of a virtual display (Xvfb)."""
 
 from __future__ import annotations
 
@@ -29,16 +29,16 @@ def window(): return human.unwrapped.renderer._window
 def grab():
     x, y = window().window.get_location()
     return np.asarray(ImageGrab.grab(xdisplay=display).convert("RGB"))[y:y + 240, x:x + 320]
-def wait_for(picture):
+def wait_for(image):
     end = time.monotonic() + 60.0
-    while not (grab() == picture).all():
-        assert time.monotonic() < end, "the window never showed this picture"
+    while not (grab() == image).all():
+        assert time.monotonic() < end, "the window never showed this image"
         time.sleep(0.05)
 """
 
 
 def run(display: str, code: str, speed: float = 10.0) -> str:
-    """Return what code prints that runs after START, with a screen."""
+    """Return the output of a process that runs START and then ``code``, with a display."""
     done = subprocess.run(
         [sys.executable, "-c", f"display, speed = {display!r}, {speed}\n{START}\n{textwrap.dedent(code)}"],
         cwd=ROOT,
@@ -52,8 +52,8 @@ def run(display: str, code: str, speed: float = 10.0) -> str:
     return done.stdout.strip()
 
 
-def test_the_window_shows_the_same_picture_as_rgb_array(display: str) -> None:
-    """Bit for bit, through another context and while both are used in turn; also after a putt's film has ended."""
+def test_window_shows_the_bits_of_rgb_array(display: str) -> None:
+    """Both contexts are used in turn."""
     code = """
         human.reset(seed=1), array.reset(seed=1)
         wait_for(array.render())
@@ -64,13 +64,13 @@ def test_the_window_shows_the_same_picture_as_rgb_array(display: str) -> None:
     assert run(display, code) == "seen"
 
 
-def test_a_putt_takes_its_time(display: str) -> None:
-    """Nothing of it is left out, and its last picture has the ball where it lies."""
+def test_window_shows_a_putt_in_real_time(display: str) -> None:
+    """The last frame has the ball at its final position."""
     code = """
         human.reset(seed=1)
         shown = []
         show = window().present
-        window().present = lambda camera, frame: (shown.append(frame.ball), show(camera, frame))
+        window().present = lambda camera, state: (shown.append(state.ball), show(camera, state))
         start = time.perf_counter()
         info = human.step(putt)[4]
         assert time.perf_counter() - start >= info["shot_time"] > 0.5
@@ -80,15 +80,15 @@ def test_a_putt_takes_its_time(display: str) -> None:
     assert run(display, code, speed=1.0) == "shown"
 
 
-def test_closing_the_window_in_the_middle_of_a_putt_ends_the_showing(display: str) -> None:
-    """The putt is played all the same; later ones pass unseen; closing twice and rendering do no harm."""
+def test_closed_window_stays_closed_and_the_environment_plays_on(display: str) -> None:
+    """Its user closes it during a putt, which is played to its end; close() twice and render() are harmless."""
     code = """
         human.reset(seed=1), array.reset(seed=1)
         show, count = window().present, [0]
-        def closing(camera, frame):
+        def closing(camera, state):
             count[0] += 1
             if count[0] == 3: window().window.dispatch_event("on_close")
-            show(camera, frame)
+            show(camera, state)
         window().present = closing
         human.step(putt), array.step(putt)
         assert count[0] == 3 and not window().is_open
@@ -100,8 +100,8 @@ def test_closing_the_window_in_the_middle_of_a_putt_ends_the_showing(display: st
     assert run(display, code) == "ended"
 
 
-def test_a_resized_window_is_filled(display: str) -> None:
-    """The picture takes the window's new size."""
+def test_resized_window_is_filled(display: str) -> None:
+    """The image has the new size of the window."""
     code = """
         human.reset(seed=1)
         window().window.set_size(480, 240)
@@ -121,8 +121,8 @@ def test_a_resized_window_is_filled(display: str) -> None:
     assert run(display, code) == "filled"
 
 
-def test_a_narrow_window_shows_as_much() -> None:
-    """What was in the picture from side to side is in it when the window has become narrower."""
+def test_narrow_window_shows_the_whole_width() -> None:
+    """Everything from side to side stays visible when the window becomes narrower."""
     camera = Camera((0.0, -2.0, 1.0), (0.0, 0.0, 0.0), fov=40.0)
     narrow = _widen(camera, 2.5)
     edge = np.append(camera.ray(1.0, 0.0, 1.0)[0] + camera.ray(1.0, 0.0, 1.0)[1], 1.0)
@@ -131,8 +131,8 @@ def test_a_narrow_window_shows_as_much() -> None:
     assert _widen(camera, 1.0) == camera
 
 
-def test_a_fork_leaves_the_window_alone(display: str) -> None:
-    """The child gets an error where it would show something, closes nothing, and the parent plays on."""
+def test_forked_child_raises_and_the_parent_keeps_its_window(display: str) -> None:
+    """The child raises an error instead of showing something; its close() does not close the parent's window."""
     code = """
         import os
         from minigolf_env.rendering import RenderingError
@@ -152,8 +152,8 @@ def test_a_fork_leaves_the_window_alone(display: str) -> None:
 
 
 @pytest.mark.parametrize("end", ["sys.exit()", "del human; gc.collect(); os._exit(0)", "human.close(); sys.exit()"])
-def test_a_fork_that_ends_leaves_the_window_open(display: str, end: str) -> None:
-    """However it ends, and whatever it drops or closes before."""
+def test_window_stays_open_when_a_forked_child_exits(display: str, end: str) -> None:
+    """In all ways to exit, also after it has closed or deleted the environment."""
     code = f"""
         import gc, os, sys
         human.reset(seed=1)
@@ -169,8 +169,8 @@ def test_a_fork_that_ends_leaves_the_window_open(display: str, end: str) -> None
     assert run(display, code) == "open"
 
 
-def test_a_window_that_nobody_holds_is_closed(display: str) -> None:
-    """Environments that are dropped without close leave no window open."""
+def test_garbage_collected_window_is_closed(display: str) -> None:
+    """Environments that are deleted without close() leave no window open."""
     code = """
         import gc, pyglet
         for _ in range(3):
@@ -184,8 +184,8 @@ def test_a_window_that_nobody_holds_is_closed(display: str) -> None:
     assert run(display, code) == "closed"
 
 
-def test_two_windows_at_once(display: str) -> None:
-    """Each shows its own environment."""
+def test_two_windows_show_their_own_environments(display: str) -> None:
+    """One can be closed while the other is used."""
     code = """
         other = gym.make("MiniGolf-v0", render_mode="human", camera="top", render_speed=speed, **size)
         human.reset(seed=1), other.reset(seed=2)
@@ -198,8 +198,8 @@ def test_two_windows_at_once(display: str) -> None:
     assert run(display, code) == "both"
 
 
-def test_windows_and_other_users_of_egl_live_together(display: str) -> None:
-    """A context that another library has left current keeps its state and stays current; the window is drawn."""
+def test_window_restores_the_egl_context_of_other_users(display: str) -> None:
+    """An EGL context that another library has left current keeps its state and stays current."""
     code = """
         from OpenGL import EGL, GL
         from minigolf_env.rendering.gl.context import EGLContext
@@ -224,20 +224,20 @@ def test_windows_and_other_users_of_egl_live_together(display: str) -> None:
     assert run(display, code) == "together"
 
 
-def test_a_hidden_window_draws_what_egl_draws(display: str) -> None:
-    """The way of systems without EGL, to the same bits."""
+def test_hidden_window_gives_the_bits_of_egl(display: str) -> None:
+    """A hidden window is the context of systems without EGL."""
     code = """
         from minigolf_env.courses import load_course
         from minigolf_env.rendering import static_view
         from minigolf_env.rendering.gl.offscreen import OffscreenRenderer, draw
         from minigolf_env.rendering.gl.window_context import HiddenWindowContext
         course = load_course("dogleg")
-        camera, frame = static_view(course, "tee", 4 / 3, np.array([0.4, 0.6, 0.03]))
+        camera, state = static_view(course, "tee", 4 / 3, np.array([0.4, 0.6, 0.03]))
         renderer = OffscreenRenderer(HiddenWindowContext())
         for profile in ("high", "fast", "fast"):
             with renderer.context.current():
-                picture = renderer.draw((course, camera, (160, 120), profile), frame)
-            assert (picture == draw(course, camera, frame, (160, 120), profile)).all()
+                image = renderer.draw((course, camera, (160, 120), profile), state)
+            assert (image == draw(course, camera, state, (160, 120), profile)).all()
         print("same")
     """
     assert run(display, code) == "same"
