@@ -26,7 +26,9 @@ MAX_GIF_FPS = 50
 MAX_MP4_FPS = 1000
 """Highest frame rate of an .mp4; no display is faster."""
 
-FFMPEG_HINT = "pip install --force-reinstall imageio-ffmpeg, or set the environment variable IMAGEIO_FFMPEG_EXE."
+FFMPEG_HINT = (
+    "pip install --force-reinstall imageio-ffmpeg, or set the environment variable IMAGEIO_FFMPEG_EXE to an ffmpeg."
+)
 """Remedy for a missing ffmpeg, the end of error messages."""
 
 MP4_OPTIONS = (

@@ -70,7 +70,7 @@ class CourseBuffers:
         """A record of FRAME_UNIFORMS_DTYPE; its fields that depend on the frame are set before each draw."""
 
     def visible_runs(self, clip: FloatArray, edges: FloatArray) -> list[tuple[TintedMaterial, IndexRuns]]:
-        """Return the chunks that may be seen between edges (2, 2) of an image, by material and colour.
+        """Return the chunks that may be visible between edges (2, 2) of an image, by material and colour.
 
         Neighbouring chunks are merged into one run.
         """

@@ -42,7 +42,7 @@ def draw(course: Course, camera: Camera, state: SceneState, size: tuple[int, int
         profile: "high", with anti-aliasing, or "fast".
 
     Raises:
-        RenderingError: there is no OpenGL here, ``size`` is beyond its limit, or the process was forked after the
+        RenderingError: OpenGL is not available, ``size`` is beyond its limit, or the process was forked after the
             first image.
     """
     return draw_many(course, camera, [state], size, profile)[0]
@@ -73,7 +73,7 @@ class OffscreenRenderer:
     def draw(self, key: BackgroundKey, state: SceneState) -> Image:
         """Return an image; the context is current."""
         course, camera, size, profile = key
-        # A camera that is seen for the first time may be moving: a background would be of no use.
+        # A new camera may be moving: its background would be drawn in vain.
         if key not in self._backgrounds and key != self._last_key:
             self._last_key = key
             return self.renderer().draw(course, camera, state, size, profile).read()

@@ -1,4 +1,4 @@
-"""The renderer: draws courses and scene states with OpenGL 3.3. It owns no context and knows no window.
+"""The renderer: draws courses and scene states with OpenGL 3.3. It works in whatever context is current.
 
 Images are drawn upside down for OpenGL, so that the first row that is read is the top one.
 """
@@ -193,7 +193,7 @@ class Renderer:
             GL.glBindTexture(GL.GL_TEXTURE_2D, self._detail_textures[material])
 
     def _is_flag_visible(self, foot: FloatArray, clip: FloatArray, edges: FloatArray) -> bool:
-        """Return whether a flag at a foot (3,) may be seen between edges (2, 2) of the image."""
+        """Return whether a flag at a foot (3,) may be visible between edges (2, 2) of the image."""
         half_extent = np.array([props.CLOTH_LENGTH, props.CLOTH_LENGTH, 0.5 * props.POLE_HEIGHT])
         lower, upper = project_aabbs((foot + UP_DIRECTION * half_extent)[None], half_extent[None], clip)
         return bool((upper >= edges[0]).all() and (lower <= edges[1]).all())
