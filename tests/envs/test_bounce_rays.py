@@ -40,7 +40,7 @@ def test_first_segment_equals_a_ray(position: tuple[float, float, float]) -> Non
 
 
 def test_rays_are_reflected_off_walls() -> None:
-    """At a wall the direction's part along the normal is reversed, and nothing else."""
+    """The direction's part along the wall's normal is reversed, and nothing else."""
     segments = segments_of(MiniGolfEnv(observation="bounce_rays"), position=(0.5, 0.4, BALL_RADIUS))
     directions = np.diff(segments[..., :2], axis=1, prepend=0.0)
     sizes = np.hypot(directions[..., 0], directions[..., 1])
@@ -57,7 +57,7 @@ def test_rays_are_reflected_off_walls() -> None:
 
 
 def test_bounce_rays_climb_a_hill() -> None:
-    """Where "rays" end at its foot, bounce rays reach the walls behind, and report its height."""
+    """Bounce rays reach the walls behind the hill, where "rays" end at its foot, and report its height."""
     env = MiniGolfEnv("hill", observation="bounce_rays", tee="fixed")
     segments = segments_of(env)
     rays = MiniGolfEnv("hill", observation="rays", tee="fixed").reset(seed=0)[0][10 : 10 + NUM_RAYS] * MAX_RAY_LENGTH
@@ -77,7 +77,7 @@ def test_bounce_rays_do_not_fall_into_the_cup() -> None:
 
 @pytest.mark.parametrize("course", ["dogleg", "loop", "islands", "volcano", "tunnel"])
 def test_features_are_finite_on_every_hole(course: str) -> None:
-    """Also under roofs and next to water; normals have length 1, or 0 where a segment hits no wall."""
+    """Features under roofs and next to water are finite; normals have length 1, or 0 where a segment hits no wall."""
     segments = segments_of(MiniGolfEnv(course, observation="bounce_rays"))
     assert np.isfinite(segments).all()
     sizes = np.hypot(segments[..., 2], segments[..., 3])

@@ -23,7 +23,7 @@ def test_exported_names_are_those_of_their_packages() -> None:
 
 
 def test_unknown_name_is_an_attribute_error() -> None:
-    """As of any module."""
+    """An unknown name raises the errors of any module."""
     with pytest.raises(AttributeError, match="module 'minigolf_env' has no attribute 'MiniGolf'"):
         minigolf_env.MiniGolf  # noqa: B018
     with pytest.raises(ImportError, match="MiniGolf"):

@@ -34,7 +34,7 @@ def test_level_sets_do_not_overlap() -> None:
 
 
 def test_reset_draws_a_level() -> None:
-    """It comes from the environment's own generator, so that a seed gives the same levels again; info names it."""
+    """A seed gives the same levels again, which come from the environment's generator; info names them."""
     env, copied = make(num_levels=20, start_level=100), make(num_levels=20, start_level=100)
     first = [env.reset(seed=4 if k == 0 else None)[1] for k in range(12)]
     again = [copied.reset(seed=4 if k == 0 else None)[1] for k in range(12)]
@@ -49,7 +49,7 @@ def test_reset_draws_a_level() -> None:
 
 
 def test_reset_option_selects_a_level() -> None:
-    """Also one outside the set; the next reset draws a level again."""
+    """The level may be outside the set; the next reset draws a level again."""
     env = make(num_levels=1, difficulty="medium", observation="rays")
     observation, info = env.reset(seed=0, options={"level": 17})
     assert info["level"] == 17 and info["course"] == "procedural-v1-medium-17"
@@ -88,7 +88,7 @@ def test_batch_on_levels_equals_single_environments_bitwise(mode: str, observati
 
 
 def test_batch_plays_selected_levels() -> None:
-    """One level for all, or one each; if only some environments are reset, the others continue."""
+    """A batch takes one level for all or one each; environments that are not reset continue."""
     batch = MiniGolfVectorEnv(3, "procedural", num_levels=4, autoreset_mode="Disabled")
     assert batch.reset(seed=0, options={"level": [9, 11, 9]})[1]["level"].tolist() == [9, 11, 9]
     mask = np.array([False, True, False])
@@ -131,7 +131,7 @@ def test_frames_show_the_level_being_played() -> None:
     ],
 )
 def test_level_argument_error_names_the_argument(options: dict[str, Any], message: str) -> None:
-    """It is raised when the environment is made, not at its first reset."""
+    """The error is raised when the environment is made, not at its first reset."""
     with pytest.raises(ValueError, match=message):
         MiniGolfEnv(**({"course": "procedural"} | options))
 

@@ -88,7 +88,7 @@ def test_reset_and_step_return_plain_types(env: MiniGolfEnv) -> None:
 
 
 def test_set_state_repeats_an_episode_bitwise(env: MiniGolfEnv) -> None:
-    """Also in another environment."""
+    """The same putts from the same state give the same bits, also in another environment."""
     state = env.get_state()
     action = np.array([0.4, 0.3], dtype=np.float32)
     expected = [env.step(action), env.step(action), env.reset()]
@@ -140,7 +140,7 @@ def test_invalid_state_is_rejected_and_changes_nothing(env: MiniGolfEnv, state: 
 
 BAD_ACTIONS: list[Any] = [[np.nan, 0.0], [np.inf, 0.0], [0.1], [[0.1, 0.2]], "left", [0.1, 0.2, 0.3], None]
 NO_NUMBERS: list[Any] = [["0.1", "0.2"], [10**400, 0], np.array([0.1j, 0.2]), np.array(["2020", "2021"], "M8[Y]")]
-"""What numpy would read as numbers, with a warning or without, or refuse by an error of another kind."""
+"""Values that numpy would read as numbers, with or without a warning, or reject with another kind of error."""
 
 
 @pytest.mark.parametrize("action", BAD_ACTIONS + NO_NUMBERS)
@@ -193,7 +193,7 @@ def test_argument_error_names_the_argument(options: dict[str, Any], words: str) 
 
 @pytest.mark.parametrize("course", ["dogleg", "round", "procedural"])
 def test_unknown_argument_is_a_type_error(course: str) -> None:
-    """Also the names of internal fields."""
+    """The names of internal fields are unknown arguments, too."""
     for options in ({"level": 17}, {"hole": 3}, {"random_tee": True}):
         for make in (
             lambda **given: MiniGolfEnv(course, **given),
@@ -205,7 +205,7 @@ def test_unknown_argument_is_a_type_error(course: str) -> None:
 
 @pytest.mark.parametrize("over", [True, np.True_])
 def test_state_after_the_last_stroke_is_over(over: Any) -> None:
-    """It can be set, and reports that the episode is over."""
+    """A state after all strokes can be set, and reports that the episode is over."""
     env = MiniGolfEnv()
     env.set_state({"position": (0.6, 0.6, 0.1), "strokes": 10, "over": over})
     state = env.get_state()
@@ -215,7 +215,7 @@ def test_state_after_the_last_stroke_is_over(over: Any) -> None:
 
 
 def test_step_before_reset_and_after_the_end_asks_for_reset() -> None:
-    """Both raise ResetNeeded."""
+    """A step before the first reset or after the end raises ResetNeeded."""
     env = MiniGolfEnv(max_strokes=np.int64(1))  # type: ignore[arg-type]
     with pytest.raises(ResetNeeded):
         env.step(np.zeros(2))
@@ -226,7 +226,7 @@ def test_step_before_reset_and_after_the_end_asks_for_reset() -> None:
 
 
 def test_last_stroke_terminates_the_episode() -> None:
-    """It is terminated, not truncated, and the strokes left are observed."""
+    """The episode is terminated, not truncated, and the strokes left are observed."""
     env = MiniGolfEnv(max_strokes=3)
     observation, _ = env.reset(seed=0)
     left = [observation[-1]]
@@ -265,7 +265,7 @@ def test_ball_that_drops_into_the_cup_is_holed() -> None:
 
 
 def test_what_if_predicts_step_bitwise(env: MiniGolfEnv) -> None:
-    """It moves nothing."""
+    """what_if returns what step does next, and moves nothing."""
     putts = np.random.default_rng(0).uniform(-1, 1, (20, 2)).astype(np.float32)
     before = env.get_state()
     outcome = env.what_if(putts)
@@ -278,7 +278,7 @@ def test_what_if_predicts_step_bitwise(env: MiniGolfEnv) -> None:
 
 
 def test_putt_noise_has_the_given_standard_deviations() -> None:
-    """It turns the direction and scales the speed of putts."""
+    """Noise turns the direction and scales the speed of putts."""
     env = MiniGolfEnv(putt_noise=(2.0, 0.05), top_speed=2.0)
     rngs = [np.random.default_rng(seed) for seed in range(4000)]
     launched = env.task.launch_velocity(np.tile([0.5, 0.0], (4000, 1)), env.task.sample_noise(rngs))

@@ -30,7 +30,7 @@ COPIES: dict[str, Callable[[Any], Any]] = {
 @pytest.mark.parametrize("copy_method", COPIES)
 @pytest.mark.parametrize(("name", "mode"), MADE)
 def test_copy_continues_with_the_same_bits(name: str, mode: str | None, copy_method: str) -> None:
-    """It is made in the middle of an episode; the original and an earlier copy do not change."""
+    """A copy is made in the middle of an episode; the original and an earlier copy do not change."""
     env = make(name, mode)
     env.reset(seed=3)
     play(env, 3, 0)
@@ -45,7 +45,7 @@ def test_copy_continues_with_the_same_bits(name: str, mode: str | None, copy_met
 @pytest.mark.parametrize("copy_method", COPIES)
 @pytest.mark.parametrize("mode", [None, "NextStep"])
 def test_copy_before_the_first_reset_needs_a_reset(mode: str | None, copy_method: str) -> None:
-    """After it, it plays as the original does."""
+    """A copy plays as the original does after its first reset."""
     env = make("levels", mode)
     other = COPIES[copy_method](env)
     with pytest.raises(ResetNeeded):
@@ -70,7 +70,7 @@ def test_copy_renders_the_same_frames(mode: str | None, copy_method: str, gl: No
 
 @pytest.mark.parametrize("method", multiprocessing.get_all_start_methods())
 def test_other_process_continues_with_the_same_bits(method: str) -> None:
-    """For every start method."""
+    """Environments sent to a process continue equally, for every start method."""
     command = [sys.executable, "-W", "error", "-m", "tests.envs.pickling", method]
     done = subprocess.run(command, cwd=ROOT, text=True, capture_output=True, timeout=600, check=False)
     lines = [line.split() for line in done.stdout.splitlines()]

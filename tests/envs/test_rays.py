@@ -32,7 +32,7 @@ def test_rays_end_at_the_borders() -> None:
 
 
 def test_ball_moved_along_its_ray_touches() -> None:
-    """At the end of a ray the ball's clearance is zero."""
+    """The ball's clearance is zero at the end of a ray."""
     env = MiniGolfEnv(observation="rays")
     world = env.task.world
     rng = np.random.default_rng(0)
@@ -71,7 +71,7 @@ def test_cup_features_have_the_same_scale_on_every_hole() -> None:
 @pytest.mark.parametrize("observation", ["rays", "bounce_rays"])
 @pytest.mark.parametrize("course", ["dogleg", "procedural"])
 def test_batch_observes_what_single_environments_do_bitwise(course: str, observation: str) -> None:
-    """With both kinds of rays."""
+    """Observations of "rays" and "bounce_rays" have the same bits."""
     batch = MiniGolfVectorEnv(5, course, observation=observation)
     singles = [MiniGolfEnv(course, observation=observation) for _ in range(5)]
     observed = batch.reset(seed=3)[0]

@@ -42,7 +42,7 @@ def test_rgb_array_shows_the_present_state(camera: str) -> None:
 
 
 def test_rgb_array_list_holds_all_frames_since_the_last_call() -> None:
-    """One frame of the tee, then RENDER_FPS a second of each putt; then it is empty; a reset starts again."""
+    """The list has a frame of the tee, then RENDER_FPS a second of each putt; after the call it is empty."""
     env = MiniGolfEnv(render_mode="rgb_array_list", **SMALL)
     env.reset(seed=0)
     assert len(env.render()) == 1 and env.render() == []
@@ -81,7 +81,7 @@ def test_rendering_changes_no_result() -> None:
 
 
 def test_without_render_mode_render_returns_none_and_keeps_nothing() -> None:
-    """As in Gymnasium; and no path is computed."""
+    """Without a render mode no path is computed."""
     env = MiniGolfEnv()
     env.reset(seed=0)
     env.step(PUTT)
@@ -106,7 +106,7 @@ def test_render_works_after_close() -> None:
 
 
 def test_copies_render_the_same_frames() -> None:
-    """Also the frames that were not rendered yet."""
+    """Copies include the frames that were not rendered yet."""
     env = MiniGolfEnv(render_mode="rgb_array_list", **SMALL)
     env.reset(seed=0)
     env.step(PUTT)
@@ -131,7 +131,7 @@ def test_copies_render_the_same_frames() -> None:
     ],
 )
 def test_render_argument_error_names_the_argument(options: dict[str, Any], words: str) -> None:
-    """Both environments raise a ValueError when they are made."""
+    """A wrong render argument raises a ValueError in both environments."""
     for make in (MiniGolfEnv, lambda **kw: MiniGolfVectorEnv(2, **kw)):
         with pytest.raises(ValueError, match=words):
             make(**options)
@@ -207,7 +207,7 @@ def test_pixels_show_ball_cup_and_strokes_left() -> None:
 
 
 def test_batch_pixels_equal_single_environments_bitwise() -> None:
-    """Through an automatic reset."""
+    """Pixels of environment i are those of a single environment, through an automatic reset."""
     batch = MiniGolfVectorEnv(4, observation="pixels", max_strokes=2)
     seen: list[NDArray[Any]] = [batch.reset(seed=7)[0]]
     rng = np.random.default_rng(0)

@@ -70,7 +70,7 @@ def test_function_gets_arrays_of_the_stroke() -> None:
 @pytest.mark.parametrize("course", ["dogleg", "round"])
 @pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
 def test_batch_gives_rewards_of_single_environments_bitwise(mode: str, course: str) -> None:
-    """Also where some environments are only reset and play no stroke."""
+    """Rewards have the same bits, also where some environments are reset and play no stroke."""
     options: dict[str, Any] = {"course": course, "reward": holed_fast, "max_strokes": 2, "putt_noise": NOISE}
     made = gym.make_vec("minigolf_env:MiniGolf-v0", num_envs=3, autoreset_mode=mode, **options)
     singles = [gym.make("minigolf_env:MiniGolf-v0", **options) for _ in range(3)]

@@ -49,7 +49,7 @@ def test_hole_of_the_round_equals_the_hole_alone() -> None:
 
 
 def test_seed_restarts_the_round() -> None:
-    """With the same bits. A reset without a seed continues, also after a selected hole."""
+    """A seed gives the same bits again; a reset without a seed continues, also after a selected hole."""
     env = make()
     first = env.reset(seed=6)[0].tobytes(), env.reset()[0].tobytes()
     assert env.reset(options={"hole": 7})[1]["hole"] == 7 and env.reset()[1]["hole"] == 8
@@ -128,7 +128,7 @@ def test_seeds_restart_the_rounds_of_a_batch() -> None:
 
 
 def test_what_if_simulates_the_present_hole() -> None:
-    """It moves neither the ball nor the round."""
+    """what_if moves neither the ball nor the round."""
     env = make(tee="fixed")
     env.reset(seed=0, options={"hole": 9})
     action = read_description(DATA_DIR / f"{ROUND_HOLES[8]}.toml").hole_in_one

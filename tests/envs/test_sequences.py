@@ -443,7 +443,7 @@ def test_calls_of_a_batch_agree_with_the_model(rules: Rules, mode: str) -> None:
 
 @pytest.mark.parametrize("rules", RULES[-2:], ids=IDS[-2:])
 def test_rendering_between_calls_changes_nothing(rules: Rules, gl: None) -> None:
-    """For one environment and a batch."""
+    """Any sequence with rendering agrees with the model, for one environment and a batch."""
     show = {"render_mode": "rgb_array", "render_size": (32, 24), "render_profile": "fast"}
     run(partial(SingleMachine, rules, show), max(1, SEQUENCES // 100))
     run(partial(BatchMachine, rules, "SameStep", show), max(1, SEQUENCES // 100))

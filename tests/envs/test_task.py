@@ -105,7 +105,7 @@ def test_each_ball_draws_from_its_own_generator() -> None:
 
 
 def test_state_observation_encodes_ball_cup_and_strokes_left() -> None:
-    """By name: place within the bounds, vectors in units of their diagonal, strokes left."""
+    """Named features are the place within the bounds, vectors in units of their diagonal, and the strokes left."""
     task = build_task(max_strokes=8)
     lower, upper = np.array(task.course.bounds)
     balls = np.random.default_rng(4).uniform(lower, upper, (50, 3))
@@ -195,7 +195,7 @@ def test_strokes_reward_is_minus_one_a_stroke(task: Task) -> None:
 
 
 def test_simulated_path_is_that_of_the_stroke(task: Task) -> None:
-    """It starts where the ball is struck, and ends where and when the stroke does."""
+    """The path starts where the ball is struck, and ends where and when the stroke does."""
     start = task.sample_start([np.random.default_rng(6)])
     putt = task.launch_velocity(np.array([[0.4, 0.1]]))
     outcome = task.simulate(start, putt)
@@ -241,7 +241,7 @@ def test_stacked_tasks_play_each_on_its_own_hole() -> None:
 
 
 def test_rules_give_same_bits_for_one_ball_and_many(task: Task) -> None:
-    """For arrays of any leading shape."""
+    """Arrays of any leading shape give the bits of single balls."""
     rng = np.random.default_rng(2)
     positions, putts = rng.uniform(0.1, 1.0, (5, 3)), rng.uniform(-1, 1, (5, 2))
     strokes = np.arange(5)
@@ -256,7 +256,7 @@ def test_rules_give_same_bits_for_one_ball_and_many(task: Task) -> None:
 
 
 def test_ball_out_of_bounds_is_put_back(task: Task) -> None:
-    """It lies where it was struck."""
+    """A ball out of bounds lies where it was struck."""
     start = task.sample_start([np.random.default_rng(3)])
     outcome = task.simulate(start, np.array([[0.0, 0.0, 8.0]]))
     assert outcome.result[0] == 1

@@ -54,7 +54,7 @@ def test_batch_equals_single_environments_bitwise(
 @pytest.mark.parametrize("course", [*list_courses(), "procedural"])
 @pytest.mark.parametrize("mode", MODES)
 def test_batch_equals_single_environments_on_every_course(mode: str, course: str) -> None:
-    """In every mode, with noise."""
+    """A batch on every course has the bits of single environments, in every mode, with noise."""
     VectorParity(mode, 3, course=course, max_strokes=2, putt_noise=(0.5, 0.015)).play(5)
 
 
@@ -66,7 +66,7 @@ def test_batch_equals_single_environments_on_every_course(mode: str, course: str
 def test_batch_equals_single_environments_for_all_observations_and_rewards(
     mode: str, course: str, observation: str, reward: str, request: pytest.FixtureRequest
 ) -> None:
-    """In every mode, on one hole and on levels, with other options changed, too."""
+    """Every mode gives the same bits, on one hole and on levels, with other options changed, too."""
     if observation == "pixels":
         request.getfixturevalue("gl")
     options: dict[str, Any] = {"tee": "fixed", "impact": "conservative", "top_speed": 3.0, "cup_radius": 0.08}
@@ -76,7 +76,7 @@ def test_batch_equals_single_environments_for_all_observations_and_rewards(
 @pytest.mark.parametrize("course", ["dogleg", "procedural"])
 @pytest.mark.parametrize("mode", MODES)
 def test_batch_and_single_environments_exchange_states(mode: str, course: str) -> None:
-    """In the middle of episodes and at their ends; from equal states both continue equally, any number of times."""
+    """States of a batch and of single environments are equal, and both continue from them equally."""
     options: dict[str, Any] = {"course": course, "max_strokes": 2, "putt_noise": (0.5, 0.015)}
     pair = VectorParity(mode, 4, **options)
     for first in range(3):
@@ -95,7 +95,7 @@ def test_batch_and_single_environments_exchange_states(mode: str, course: str) -
 
 
 def test_batch_resumes_states_without_a_reset() -> None:
-    """As a single environment does; a state needs no more than a position."""
+    """A batch resumes states before its first reset; a state needs no more than a position."""
     batch = MiniGolfVectorEnv(2)
     states = [{"position": (0.4, 0.5, 0.1), "strokes": 3}, {"position": (0.6, 0.5, 0.1)}]
     batch.set_state(states)
@@ -139,7 +139,7 @@ def test_invalid_states_are_rejected_and_change_nothing(states: Any, words: str)
 
 @pytest.mark.parametrize("course", ["dogleg", "procedural"])
 def test_what_if_equals_single_environments_bitwise(course: str) -> None:
-    """For separate putts and for shared ones; no ball moves and no random number is drawn."""
+    """Separate and shared putts give the same bits; no ball moves and no random number is drawn."""
     pair = VectorParity("NextStep", 4, course=course, max_strokes=2, putt_noise=(0.5, 0.015))
     for k in range(3):
         pair.play(1, k)
@@ -165,7 +165,7 @@ def test_what_if_rejects_invalid_actions() -> None:
 
 
 def test_call_and_get_attr_equal_gymnasiums_sync_vector_env() -> None:
-    """For methods and for shared attributes."""
+    """Methods and shared attributes give the results of a SyncVectorEnv."""
     batch = MiniGolfVectorEnv(3)
     loop = gym.vector.SyncVectorEnv([MiniGolfEnv] * 3)
     batch.reset(seed=5), loop.reset(seed=5)
@@ -180,7 +180,7 @@ def test_call_and_get_attr_equal_gymnasiums_sync_vector_env() -> None:
 
 
 def test_set_attr_sets_generators_only() -> None:
-    """One for each environment; all other attributes follow from the rules, or are shared."""
+    """Each environment takes a generator; all other attributes follow from the rules, or are shared."""
     batch, other = MiniGolfVectorEnv(2), MiniGolfVectorEnv(2)
     rngs = [gym.utils.seeding.np_random(seed)[0] for seed in (8, 9)]
     with pytest.raises(gym.error.ResetNeeded):
@@ -260,7 +260,7 @@ def test_batch_argument_error_names_the_argument(options: dict[str, Any], word: 
 
 
 def test_invalid_action_changes_nothing_in_a_batch() -> None:
-    """One NaN rejects the actions of the whole batch."""
+    """A single NaN rejects the actions of the whole batch."""
     batch, other = make("NextStep"), make("NextStep")
     batch.reset(seed=1), other.reset(seed=1)
     bad = actions(0)
