@@ -40,7 +40,8 @@ def test_scenes_start_putts_on_the_ground_and_sweeps_in_free_space(name: str) ->
     """Putts start in contact with the ground; throws and sweeps start clear of all triangles."""
     small = {"small L": lambda: scene_l(28), "small T": lambda: scene_t(28)}
     scene = {**SCENE_BUILDERS, **small}[name]()
-    world, rng = scene.world(), np.random.default_rng(0)
+    world = scene.world()
+    rng = np.random.default_rng(0)
     positions, velocities = scene.putts(rng, 50)
     assert np.abs(world.clearance(positions)).max() < 1e-12 * world.coordinate_scale
     assert (velocities[:, 2] == 0.0).all() and (positions[:, 2] == scene.level + BALL_RADIUS).all()
@@ -65,7 +66,8 @@ def test_levels_benchmark_resumes_from_its_log(tmp_path: Path, capsys: pytest.Ca
     """Levels in the log are not examined again; the table stays the same."""
     log = tmp_path / "levels.jsonl"
     levels.main(levels.Args(levels=1, balls=2, difficulty=("easy",), log=log))
-    before, lines = capsys.readouterr().out, log.read_text()
+    before = capsys.readouterr().out
+    lines = log.read_text()
     levels.main(levels.Args(levels=1, balls=2, difficulty=("easy",), log=log))
     assert capsys.readouterr().out == before and log.read_text() == lines
     assert "easy not holed out: [] faulty: []" in before and "| 100.00% |" in before
@@ -100,7 +102,8 @@ def test_stored_results_match_the_current_settings(script: Any) -> None:
     """Stored results were made with the program's default settings, and name versions and machine."""
     name = script.__name__.rpartition(".")[2]
     text = (Path(speed.__file__).parent / "results" / f"{name}.json").read_text()
-    stored, settings = json.loads(text), dataclasses.asdict(script.Args())
+    stored = json.loads(text)
+    settings = dataclasses.asdict(script.Args())
     assert {**settings, **stored["settings"]} == json.loads(json.dumps(settings)) and "/" not in str(stored["settings"])
     assert {"minigolf_env", "numba", "python", *settings["peers"]} <= stored["versions"].keys()
     assert {"processor", "cores", "system"} == stored["machine"].keys()
@@ -135,8 +138,10 @@ def test_missing_engine_is_skipped_with_a_message(
 def test_installed_engines_agree_on_a_rolling_ball(package: str) -> None:
     """After a second of rolling positions agree to 5 mm; a cast ends at the wall."""
     pytest.importorskip(package, reason="benchmarks/requirements.txt brings it")
-    scene, start = scene_s(), np.array([[-1.6, 0.0, BALL_RADIUS]])
-    ours, peer = Minigolf(scene), load_peers([package])[0](scene)
+    scene = scene_s()
+    start = np.array([[-1.6, 0.0, BALL_RADIUS]])
+    ours = Minigolf(scene)
+    peer = load_peers([package])[0](scene)
     for engine in (ours, peer):
         engine.set(start, np.array([[1.0, 0.0, 0.0]]))
         engine.step(120)

@@ -28,7 +28,8 @@ from tests.markdown import PAGES, ROOT, anchors, blocks, inline, links, name, to
 
 DOCS = ROOT / "docs"
 PACKAGE = Path(minigolf_env.__file__).parent  # An installed package is not in the repository.
-COURSES, ENVIRONMENT = DOCS / "courses.md", DOCS / "environment.md"
+COURSES = DOCS / "courses.md"
+ENVIRONMENT = DOCS / "environment.md"
 
 PUBLIC_PACKAGES = ("envs", "physics", "courses", "wrappers")
 """Packages of which every exported name must be on the API pages."""
@@ -103,7 +104,8 @@ def parse_command(words: list[str], is_in_text: bool = False) -> None:
         return
     if words[0] == "xvfb-run":
         words = words[words.index("minigolf") :]
-    program, arguments = re.sub(r"^\.venv[\w-]*/bin/", "", words[0]), [word for word in words[1:] if word != "--help"]
+    program = re.sub(r"^\.venv[\w-]*/bin/", "", words[0])
+    arguments = [word for word in words[1:] if word != "--help"]
     if program == "minigolf":
         if not arguments or arguments[0] in ("--version", "--tyro-write-completion"):
             return

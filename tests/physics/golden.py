@@ -41,7 +41,8 @@ def dogleg() -> tuple[World, FloatArray, FloatArray]:
 def furnished() -> tuple[World, FloatArray, FloatArray]:
     """Return a stored, rotated room with a tetrahedron, and throws in it; impacts conserve energy."""
     with np.load(DATA / "golden_steps.npz") as data:
-        vertices, faces = data["vertices"][0], data["faces"][0]
+        vertices = data["vertices"][0]
+        faces = data["faces"][0]
         centre = data["states"][0, 0, :3]
         radius = float(data["radius"][0])
     meshes = [TriangleMesh(vertices[:8], faces[:12], WOOD), TriangleMesh(vertices[8:], faces[12:] - 8, WOOD)]

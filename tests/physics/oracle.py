@@ -38,8 +38,10 @@ def _cross(a: Integers, b: Integers) -> Integers:
 
 
 def _to_segment(p: Integers, a: Integers, b: Integers, w: Integers) -> Nearest:
-    ab, ap = _sub(b, a), _sub(p, a)
-    length2, projection = _dot(ab, ab), _dot(ap, ab)
+    ab = _sub(b, a)
+    ap = _sub(p, a)
+    length2 = _dot(ab, ab)
+    projection = _dot(ap, ab)
     if projection <= 0:
         return Nearest(_dot(ap, ap), 1, _dot(w, ap))
     if projection >= length2:

@@ -54,7 +54,8 @@ def sphere(centre: ArrayLike, radius: float, slices: int = 12, stacks: int = 8) 
         left, right = 2 + k, 2 + (k + 1) % slices
         faces.append([0, left, right])
         for i in range(stacks - 2):
-            up, down = i * slices, (i + 1) * slices
+            up = i * slices
+            down = (i + 1) * slices
             faces += [[left + up, left + down, right + down], [left + up, right + down, right + up]]
         faces.append([1, right + (stacks - 2) * slices, left + (stacks - 2) * slices])
     return np.asarray(centre, float) + radius * vertices, np.array(faces)
@@ -102,7 +103,9 @@ def grid(size: float, cells: int, heights: FloatArray | None = None) -> Body:
 
 def groove(angle: float, length: float = 20.0, width: float = 5.0) -> Body:
     """Return two planes that meet in a V along the y axis, each ``angle`` above the horizontal; normals up."""
-    x, z, y = width * math.cos(angle), width * math.sin(angle), length / 2
+    x = width * math.cos(angle)
+    z = width * math.sin(angle)
+    y = length / 2
     vertices = np.array([[0, -y, 0], [0, y, 0], [x, -y, z], [x, y, z], [-x, -y, z], [-x, y, z]], float)
     return vertices, np.array([[0, 2, 3], [0, 3, 1], [0, 1, 5], [0, 5, 4]])
 
@@ -165,11 +168,14 @@ def is_free(world: World, p: FloatArray) -> bool:
 
 def random_room(rng: np.random.Generator, **kwargs: object) -> tuple[World, FloatArray]:
     """Return a randomly rotated room with obstacles that may overlap, and its frame; gravity is tilted in some."""
-    rot, size, radius = rotation(rng), float(rng.choice([0.5, 1.0, 3.0])), float(rng.choice([BALL_RADIUS, 0.005, 0.05]))
+    rot = rotation(rng)
+    size = float(rng.choice([0.5, 1.0, 3.0]))
+    radius = float(rng.choice([BALL_RADIUS, 0.005, 0.05]))
     hall = room(size) if rng.random() < 0.7 else with_t_junctions(room(size))
     meshes = [mesh(hall, random_surface(rng), rot)]
     for _ in range(rng.integers(1, 6)):
-        at, s = rng.uniform([-0.5, -0.5, 0.0], [0.5, 0.5, 0.6]) * size, size * rng.uniform(0.05, 0.35)
+        at = rng.uniform([-0.5, -0.5, 0.0], [0.5, 0.5, 0.6]) * size
+        s = size * rng.uniform(0.05, 0.35)
         spin = rotation(rng)
         body = [
             lambda s: box(-s * rng.uniform(0.1, 1, 3), s * rng.uniform(0.1, 1, 3)),

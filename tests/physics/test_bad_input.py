@@ -118,7 +118,8 @@ def test_self_intersecting_mesh_is_solid_when_two_sided() -> None:
 @pytest.mark.parametrize("unit", [1e-9, 1e-6, 1e-3, 1e3, 1e6, 1e8])
 def test_trajectory_does_not_depend_on_the_unit_of_length(unit: float, impact: str) -> None:
     """In rooms from a nanometre to 100,000 km a ball ends at the same position, in the room's unit."""
-    starts, directions = np.array([-0.3, -0.2, 0.5]), np.array([1.0, 2.0, 0.0])
+    starts = np.array([-0.3, -0.2, 0.5])
+    directions = np.array([1.0, 2.0, 0.0])
     expected = room_in(1.0, impact=impact).simulate(starts, directions)
     world = room_in(unit, impact=impact)
     shot = world.simulate(unit * starts, unit * directions, record=True)
@@ -152,7 +153,7 @@ def test_ball_rests_on_micrometre_gravel_as_on_a_plane() -> None:
 @pytest.mark.parametrize("impact", IMPACTS)
 @pytest.mark.parametrize("speed", [0.0, 5e-324, 1e-300, 1e-20, 1e6, 1e12, 1e49])
 def test_ball_stays_in_the_room_at_any_speed(speed: float, impact: str) -> None:
-    """From 0 to 1e49 m/s runs end with finite numbers inside the room; up to 1,000 m/s no step loses time."""
+    """Runs at 0 to 1e49 m/s end with finite numbers inside the room; up to 1,000 m/s no step loses time."""
     world = room_in(1.0, impact=impact)
     for direction in np.random.default_rng(2).normal(size=(12, 3)):
         shot = world.simulate(

@@ -17,7 +17,8 @@ def test_leaves_partition_the_triangles(kind: str) -> None:
     """
     triangles = triangle_soup(kind, np.random.default_rng(2))
     nodes, order = build_bvh(triangles)
-    nodes_seen, rows_seen = [0], []
+    nodes_seen = [0]
+    rows_seen = []
 
     def rows_in(i: int) -> NDArray[np.int64]:
         rows: list[NDArray[np.int64]] = []
@@ -46,7 +47,7 @@ def test_leaves_partition_the_triangles(kind: str) -> None:
 
 @pytest.mark.parametrize("count", [*range(1, 41), 1000])
 def test_number_of_nodes_is_bounded(count: int) -> None:
-    """For random, coinciding and shrinking triangles the number of nodes is within the allocated memory."""
+    """Random, coinciding and shrinking triangles have no more nodes than the allocated memory holds."""
     corners = np.random.default_rng(3).normal(size=(count, 3, 3))
     for triangles in (0.0 * corners, corners, corners * 0.5 ** np.arange(count)[:, None, None]):
         assert 35 * len(build_bvh(triangles)[0]) <= max(35, 8 * count)

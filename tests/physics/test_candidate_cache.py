@@ -32,7 +32,8 @@ def scene(kind: str, rng: np.random.Generator) -> World:
 def random_paths(world: World, rng: np.random.Generator, count: int) -> Iterator[tuple[FloatArray, FloatArray]]:
     """Yield paths like a ball's: each starts near the end of the last, bent; some reverse, stop or jump."""
     corners = np.concatenate([body.triangles for body in world.meshes])
-    p, displacement = np.zeros(3), np.zeros(3)
+    p = np.zeros(3)
+    displacement = np.zeros(3)
     for _ in range(count):
         event = rng.random()
         if event < 0.02 or not displacement.any():
@@ -53,10 +54,12 @@ def random_paths(world: World, rng: np.random.Generator, count: int) -> Iterator
 @pytest.mark.parametrize("kind", ["room", "green", "crowd", "throng"])
 def test_cached_sweep_equals_full_sweep_bitwise(kind: str) -> None:
     """Along a random sequence of paths each cached sweep equals the sweep of the whole BVH, bit for bit."""
-    hits, num_candidates = 0, []
+    hits = 0
+    num_candidates = []
     for seed in range(10):
         rng = np.random.default_rng(seed)
-        world, cache = scene(kind, rng), new_candidate_cache()
+        world = scene(kind, rng)
+        cache = new_candidate_cache()
         for p, displacement in random_paths(world, rng, 1000):
             hit = sweep_cached(world._scene, cache, Vec3(*p), Vec3(*displacement))
             assert hit == sweep(world._scene, new_traversal(), Vec3(*p), Vec3(*displacement))

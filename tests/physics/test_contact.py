@@ -15,7 +15,8 @@ DT = 1 / 120
 
 def project(normals: FloatArray, x: FloatArray) -> FloatArray:
     """Return the projection of x onto the contact cone of these normals."""
-    contacts, num_contacts = np.empty((MAX_CONTACTS, 4)), 0
+    contacts = np.empty((MAX_CONTACTS, 4))
+    num_contacts = 0
     for n in normals:
         num_contacts = add_contact(contacts, num_contacts, Vec3(*n), 0.0)
     return np.array(project_onto_cone(contacts, num_contacts, Vec3(*x)))
@@ -71,7 +72,8 @@ def test_contact_is_resting_up_to_the_speed_that_gravity_stops_within_the_step(
 
 def test_resting_speed_limit_is_the_same_late_in_a_step() -> None:
     """A ball that hits the floor after a wall, with 0.6 dt left, has the same speed limit: g dt / 2."""
-    floor, wall = mesh(grid(10.0, 1), Surface(restitution=0.5)), mesh(box([0, -5, -1], [1, 5, 1]), Surface(damping=1.0))
+    floor = mesh(grid(10.0, 1), Surface(restitution=0.5))
+    wall = mesh(box([0, -5, -1], [1, 5, 1]), Surface(damping=1.0))
     world = World([floor, wall])
     # The ball falls at 0.6 g dt for 0.4 dt until the wall, then at 0.9 g dt: the rebound of 0.45 g dt is resting.
     for share, count in ((0.1, 1), (0.3, 2)):
@@ -107,7 +109,8 @@ def test_restitution_and_tangential_scale_their_parts_of_the_velocity() -> None:
 def test_impact_response_is_the_damped_reflection(seed: int) -> None:
     """Without gravity v' = d (v - 2 (v . n) n) off a plane of any direction, as in the CS121 notes."""
     rng = np.random.default_rng(seed)
-    rot, d = rotation(rng), rng.random()
+    rot = rotation(rng)
+    d = rng.random()
     world = World([mesh(grid(10.0, 1), Surface(damping=d), rot)], gravity=(0, 0, 0))
     n = rot @ [0, 0, 1]
     v = rng.normal(size=3)

@@ -127,7 +127,8 @@ def test_ball_dropped_exactly_on_a_feature_bounces_straight_up(feature: str, imp
 def test_ball_rolling_over_a_crest_keeps_its_energy(degrees: float, impact: str) -> None:
     """Over a convex crease a slow ball follows the other side and a fast one flies straight on."""
     angle = math.radians(degrees)
-    x, z = 5 * math.cos(angle), -5 * math.sin(angle)
+    x = 5 * math.cos(angle)
+    z = -5 * math.sin(angle)
     corners = [[-5, -5, 0], [0, -5, 0], [x, -5, z], [-5, 5, 0], [0, 5, 0], [x, 5, z]]
     smooth = Surface(restitution=0.0, tangential=1.0, rolling=0.0)
     world = World([TriangleMesh(corners, [[0, 1, 4], [0, 4, 3], [1, 2, 5], [1, 5, 4]], smooth)], impact=impact)
@@ -144,7 +145,8 @@ def test_ball_rolling_over_a_crest_keeps_its_energy(degrees: float, impact: str)
 def test_ball_rolling_into_a_crease_loses_only_its_normal_velocity(degrees: float, impact: str) -> None:
     """At a concave crease with e = 0 and t = 1 a ball loses the part of its velocity into the slope, and only that."""
     angle = math.radians(degrees)
-    x, z = 50 * math.cos(angle), 50 * math.sin(angle)
+    x = 50 * math.cos(angle)
+    z = 50 * math.sin(angle)
     corners = [[-5, -50, 0], [0, -50, 0], [x, -50, z], [-5, 50, 0], [0, 50, 0], [x, 50, z]]
     smooth = Surface(restitution=0.0, tangential=1.0, rolling=0.0)
     world = World([TriangleMesh(corners, [[0, 1, 4], [0, 4, 3], [1, 2, 5], [1, 5, 4]], smooth)], impact=impact)

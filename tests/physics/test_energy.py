@@ -19,7 +19,9 @@ def test_average_velocity_response_has_its_exact_energy_error() -> None:
     rng = np.random.default_rng(1)
     dt = 1 / 60
     for _ in range(200):
-        rot, v, alpha = rotation(rng), rng.uniform(-3, 3, 3), rng.uniform(0.05, 0.95)
+        rot = rotation(rng)
+        v = rng.uniform(-3, 3, 3)
+        alpha = rng.uniform(0.05, 0.95)
         world = World([mesh(grid(20.0, 1), Surface(damping=1.0), rot)], dt=dt)
         n = rot @ [0, 0, 1]
         average = v + 0.5 * dt * GRAVITY
@@ -77,7 +79,8 @@ def test_impact_does_not_return_energy_lost_to_rolling_resistance() -> None:
     """A ball that rolls slowly down a braking slope into an elastic wall leaves it with less energy."""
     slope = np.radians(5.0)
     gravity = G * np.array([np.sin(slope), 0.0, -np.cos(slope)])
-    floor, wall = mesh(grid(10.0, 1), Surface(rolling=0.085)), mesh(box([0, -1, -1], [1, 1, 1]), Surface(damping=1.0))
+    floor = mesh(grid(10.0, 1), Surface(rolling=0.085))
+    wall = mesh(box([0, -1, -1], [1, 1, 1]), Surface(damping=1.0))
     for speed in (0.01, 0.03, 0.1):
         for share in (0.1, 0.5, 0.9):
             world = World([floor, wall], gravity=gravity, impact="conservative", dt=1 / 60)
@@ -88,7 +91,7 @@ def test_impact_does_not_return_energy_lost_to_rolling_resistance() -> None:
 
 
 def test_conservative_grazing_impact_keeps_the_energy() -> None:
-    """Where the path hits a wall but the velocity already separates, the ball continues undamped."""
+    """A ball whose path hits a wall but whose velocity already separates continues undamped."""
     dt = 1 / 60
     for press, share in ((0.1, 0.25), (0.1, 0.4), (0.3, 0.2)):
         gravity = G * np.array([np.sqrt(1 - press**2), 0.0, -press])

@@ -70,7 +70,8 @@ def test_short_path_does_not_miss_an_edge() -> None:
 @pytest.mark.parametrize("speed", [1e-6, 1e-3, 0.01, 0.04])
 def test_slow_ball_does_not_stick_to_a_wall(speed: float) -> None:
     """Between two vertical elastic walls a ball rolls back and forth at full speed."""
-    floor, wall = Surface(damping=0.5, rolling=0.0), Surface(damping=1.0)
+    floor = Surface(damping=0.5, rolling=0.0)
+    wall = Surface(damping=1.0)
     gap = 2 * BALL_RADIUS + 0.5 * speed
     walls = [mesh(box([gap / 2, -1, -1], [1, 1, 1]), wall), mesh(box([-1, -1, -1], [-gap / 2, 1, 1]), wall)]
     shot = World([mesh(grid(10.0, 1), floor), *walls]).simulate([0, 0, BALL_RADIUS], [speed, 0, 0], max_time=10.25)
@@ -90,7 +91,8 @@ def test_resting_ball_does_not_sink() -> None:
 
 def test_duplicate_triangles_change_nothing() -> None:
     """A floor given three times, once with reversed winding, gives the same bits as the floor."""
-    once, thrice = grid(4.0, 2), grid(4.0, 2)
+    once = grid(4.0, 2)
+    thrice = grid(4.0, 2)
     faces = np.concatenate([once[1], once[1], once[1][:, ::-1]])
     surface = Surface(damping=0.6, rolling=0.1)
     shots = [
@@ -107,7 +109,8 @@ def test_short_edge_of_a_needle_is_solid(first: int, short: float) -> None:
     """A step head-on into the short edge of a needle, whichever corner comes first, ends outside it."""
     rng = np.random.default_rng(3)
     for _ in range(40):
-        rot, place = rotation(rng), rng.uniform(-0.5, 0.5, 3)
+        rot = rotation(rng)
+        place = rng.uniform(-0.5, 0.5, 3)
         needle = np.roll([[0, 0, 0], [1, 0, 0], [1, short, 0]], first, axis=0) @ rot.T + place
         world = World([TriangleMesh(needle, [[0, 1, 2]], Surface(damping=0.9))], 0.02, gravity=(0, 0, 0))
         gap, deep = 10.0 ** rng.uniform([-10, -12], [-3, -3])

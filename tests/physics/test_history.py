@@ -39,8 +39,10 @@ def to_bytes(record: Hit | Shot, i: int | None = None) -> bytes:
 def test_order_of_a_batch_does_not_matter(seed: int) -> None:
     """A batch reversed, shuffled, thinned out or with repeated rows gives each ball the same bits."""
     world, p, v = scene(seed, 24)
-    n, rng = len(p), np.random.default_rng(seed)
-    shots, hits = world.simulate_batch(p, v, MAX_TIME), world.sweep_batch(p, p + v)
+    n = len(p)
+    rng = np.random.default_rng(seed)
+    shots = world.simulate_batch(p, v, MAX_TIME)
+    hits = world.sweep_batch(p, p + v)
     for order in (np.arange(n)[::-1], rng.permutation(n), np.arange(0, n, 3), np.zeros(9, int)):
         permuted = world.simulate_batch(p[order], v[order], MAX_TIME)
         permuted_hits = world.sweep_batch(p[order], (p + v)[order])

@@ -156,14 +156,15 @@ def test_installed_package_caches_kernels_in_the_users_cache(root: Path, tmp_pat
     """No files are written next to the sources, as pip would not remove what it did not install."""
     for file in cache_files(root):
         file.unlink()
-    installed, home = Path(shutil.copytree(root, tmp_path / "site-packages")), str(tmp_path / "home")
+    installed = Path(shutil.copytree(root, tmp_path / "site-packages"))
+    home = str(tmp_path / "home")
     for hits in (0, 1):
         assert run_kernel(installed, HOME=home, XDG_CACHE_HOME=home) == (6.0, hits)
     assert not cache_files(installed) and len(cache_files(tmp_path / "home")) == 2
 
 
 def test_numba_without_the_private_names_uses_its_own_cache(root: Path) -> None:
-    """Where numba lacks the names that the cache is built on, numba's own cache is used."""
+    """Kernels use numba's own cache if numba lacks the names that the package's cache is built on."""
     code = "import numba.core.caching; del numba.core.caching.CompileResultCacheImpl"
     assert run_kernel(root, code) == (6.0, 0)
     assert run_kernel(root, code) == (6.0, 1)

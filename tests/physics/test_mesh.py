@@ -63,9 +63,11 @@ def test_rejects_two_sided_values_that_are_not_boolean(value: object) -> None:
 
 def test_mesh_copies_its_arrays() -> None:
     """Later changes of the input arrays have no effect, and the mesh's own arrays are read-only."""
-    vertices, faces = np.array(CORNERS), np.array([[0, 1, 2]])
+    vertices = np.array(CORNERS)
+    faces = np.array([[0, 1, 2]])
     body = TriangleMesh(vertices, faces)
-    vertices[0], faces[0] = 9.0, 0
+    vertices[0] = 9.0
+    faces[0] = 0
     assert body.triangles.tolist() == [CORNERS]
     for array in (body.vertices, body.faces):
         with pytest.raises(ValueError, match="read-only"):
@@ -124,6 +126,7 @@ def test_only_rolling_resistance_may_exceed_one() -> None:
 
 def test_surface_ratios_default_to_damping() -> None:
     """Restitution and tangential are the damping factor of the CS121 notes unless given."""
-    plain, split = Surface(damping=0.4), Surface(damping=0.4, restitution=0.0, tangential=1.0)
+    plain = Surface(damping=0.4)
+    split = Surface(damping=0.4, restitution=0.0, tangential=1.0)
     assert (plain.normal_restitution, plain.tangential_restitution) == (0.4, 0.4)
     assert (split.normal_restitution, split.tangential_restitution) == (0.0, 1.0)

@@ -94,7 +94,8 @@ def test_translated_world_gives_the_translated_run(move: list[float], impact: st
 @pytest.mark.parametrize("k", [-40, -7, 3, 20])
 def test_scaling_lengths_by_powers_of_two_keeps_the_bits(k: int, impact: str) -> None:
     """All lengths times 2**k give the same bits until rest, so no length or speed is built in."""
-    unit, (p, v) = 2.0**k, throws()
+    unit = 2.0**k
+    p, v = throws()
     expected = build_world(impact=impact).simulate_batch(p, v)
     scaled = build_world(
         lambda body: (unit * body[0], body[1]), unit * GRAVITY, impact=impact, ball_radius=unit * BALL_RADIUS
@@ -106,7 +107,8 @@ def test_scaling_lengths_by_powers_of_two_keeps_the_bits(k: int, impact: str) ->
 @pytest.mark.parametrize("k", [-10, 3])
 def test_scaling_times_by_powers_of_two_keeps_the_bits(k: int, impact: str) -> None:
     """All times times 2**k give the same bits, so no duration is built in."""
-    unit, (p, v) = 2.0**k, throws()
+    unit = 2.0**k
+    p, v = throws()
     expected = build_world(impact=impact).simulate_batch(p, v)
     slower = build_world(gravity=GRAVITY / unit**2, impact=impact, dt=unit / 120)
     shots = slower.simulate_batch(p, v / unit, 30.0 * unit)
@@ -120,10 +122,12 @@ def test_order_of_faces_does_not_matter(impact: str) -> None:
 
     Then the normal of the first triangle counts, and the normals of two faces at one point differ by rounding.
     """
-    rng, (p, v) = np.random.default_rng(8), throws(40)
+    rng = np.random.default_rng(8)
+    p, v = throws(40)
     world = build_world(impact=impact)
     shuffled = build_world(lambda body: (body[0], rng.permutation(body[1])), impact=impact)
-    hits, shuffled_hits = world.sweep_batch(p, p + v), shuffled.sweep_batch(p, p + v)
+    hits = world.sweep_batch(p, p + v)
+    shuffled_hits = shuffled.sweep_batch(p, p + v)
     assert np.array_equal(hits.alpha, shuffled_hits.alpha)
     assert hits.normal == pytest.approx(shuffled_hits.normal, abs=1e-14)
     expected, shots = (w.simulate_batch(p, v, MAX_TIME) for w in (world, shuffled))
@@ -148,8 +152,12 @@ def test_first_corner_of_a_face_does_not_matter(first: int, impact: str) -> None
 def subdivided(body: Body) -> Body:
     """Return the body with each face divided into four at the midpoints of its edges."""
     corners = body[0][body[1]]
-    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
-    ab, bc, ca = 0.5 * (a + b), 0.5 * (b + c), 0.5 * (c + a)
+    a = corners[:, 0]
+    b = corners[:, 1]
+    c = corners[:, 2]
+    ab = 0.5 * (a + b)
+    bc = 0.5 * (b + c)
+    ca = 0.5 * (c + a)
     parts = [np.stack(part, axis=1) for part in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))]
     vertices = np.concatenate(parts).reshape(-1, 3)
     return vertices, np.arange(len(vertices)).reshape(-1, 3)
@@ -183,7 +191,8 @@ def test_sweep_of_a_split_path_equals_the_whole_sweep(seed: int) -> None:
     middles = 0.5 * (starts + ends)
     whole, first, second = (world.sweep_batch(a, b) for a, b in ((starts, ends), (starts, middles), (middles, ends)))
     alpha = np.where(first.hit, 0.5 * first.alpha, 0.5 + 0.5 * np.where(second.hit, second.alpha, 1.0))
-    hit, normal = first.hit | second.hit, np.where(first.hit[:, None], first.normal, second.normal)
+    hit = first.hit | second.hit
+    normal = np.where(first.hit[:, None], first.normal, second.normal)
     length = np.linalg.norm(ends - starts, axis=1)
     steep = np.abs(((ends - starts) * whole.normal).sum(axis=1)) / length > 1e-3
     assert np.array_equal(whole.hit[steep], hit[steep])

@@ -36,7 +36,7 @@ def simulate(without_internals: bool, cache: Path) -> list[str]:
 
 @pytest.mark.skipif(bool(os.environ.get("NUMBA_DISABLE_JIT")), reason="nothing is compiled")
 def test_public_numba_options_give_the_same_bits(tmp_path: Path) -> None:
-    """Where numba_internals cannot be imported, kernels use numba's own cache, and a run has the same bits."""
+    """Kernels use numba's own cache if numba_internals cannot be imported, and a run has the same bits."""
     normal = simulate(without_internals=False, cache=tmp_path)
     fallback = simulate(without_internals=True, cache=tmp_path)
     assert (normal[0], fallback[0]) == ("KernelCache", "FunctionCache")

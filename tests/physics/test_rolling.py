@@ -41,7 +41,8 @@ def test_slope_accelerates_by_g_sin_beta(slope: float, damping: float) -> None:
 
 def test_rolling_resistance_is_proportional_to_the_normal_load() -> None:
     """Down a slope the acceleration is g (sin(beta) - c cos(beta)); up the slope the sum of both terms brakes."""
-    slope, c = 0.2, 0.05
+    slope = 0.2
+    c = 0.05
     rot = rotation_about_y(slope)
     world = World([mesh(grid(200.0, 1), Surface(rolling=c), rot)])
     down, up = rot @ [1, 0, 0], rot @ [0, 0, 1]
@@ -84,7 +85,9 @@ def test_putt_across_a_slope_comes_to_rest(slope: float, angle: float) -> None:
 
 def test_ball_in_a_crease_is_braked_by_both_planes() -> None:
     """In a crease the acceleration is gravity along it, less the resistance of the load on each plane."""
-    slope, angle, c = 0.3, 0.6, 0.02
+    slope = 0.3
+    angle = 0.6
+    c = 0.02
     rot = rotation(np.random.default_rng(4))
     vertices, faces = groove(angle)
     gravity = rot @ [0, G * math.sin(slope), -G * math.cos(slope)]
@@ -134,7 +137,8 @@ def test_resting_ball_is_unchanged_after_10000_steps() -> None:
 @pytest.mark.parametrize("degrees", [5, 30, 45, 60, 75, 85])
 def test_ball_rests_at_the_bottom_of_a_groove(degrees: float, damping: float) -> None:
     """A ball dropped into a V groove of any width ends at rest at its bottom, and loses no time."""
-    angle, rot = math.radians(degrees), rotation(np.random.default_rng(degrees))
+    angle = math.radians(degrees)
+    rot = rotation(np.random.default_rng(degrees))
     world = World([mesh(groove(angle), Surface(damping=damping, rolling=0.05), rot)], gravity=rot @ [0, 0, -G])
     bottom = BALL_RADIUS / math.cos(angle)
     shot = world.simulate(rot @ [0.0, 0.0, bottom + 0.05], rot @ [0.01, 0.1, 0.0], max_time=60.0)
@@ -187,7 +191,8 @@ def test_seams_of_a_flat_floor_have_no_effect(rotated: bool) -> None:
     plain = World([mesh(grid(2.2, 1), GREEN, rot)], gravity=gravity)
     for v in ([0.9, 0.0, 0], [0.6, 0.65, 0], [0.3, -0.8, 0]):
         start = rot @ [-0.2, 0.1, BALL_RADIUS]
-        shot, expected = fine.simulate(start, rot @ v, record=True), plain.simulate(start, rot @ v)
+        shot = fine.simulate(start, rot @ v, record=True)
+        expected = plain.simulate(start, rot @ v)
         assert np.abs((shot.path - start) @ (rot @ [0, 0, 1])).max() <= 1e-13
         assert shot.position == pytest.approx(expected.position, abs=1e-11)
         assert shot.time == pytest.approx(expected.time, abs=1e-11)
@@ -212,7 +217,8 @@ def test_unevenness_of_single_precision_does_not_stop_a_putt(bump: float, rotate
 @pytest.mark.parametrize("degrees", [0.01, 0.2, 1.0])
 def test_ball_with_a_tiny_hop_rolls_onto_a_ramp(degrees: float, lift: float) -> None:
     """A rolling ball follows a shallow ramp, also if its hop is too small to leave the floor."""
-    angle, y = math.radians(degrees), 5.0
+    angle = math.radians(degrees)
+    y = 5.0
     high = [5 * math.cos(angle), 5 * math.sin(angle)]
     corners = [[-5, -y, 0], [0, -y, 0], [high[0], -y, high[1]], [-5, y, 0], [0, y, 0], [high[0], y, high[1]]]
     surface = Surface(restitution=0.0, tangential=1.0, rolling=0.0)
@@ -228,7 +234,8 @@ def test_ball_with_a_tiny_hop_rolls_onto_a_ramp(degrees: float, lift: float) -> 
 def test_facets_of_a_bowl_brake_less_without_tangential_damping() -> None:
     """Damping loses speed at each facet; tangential 1 keeps all but the normal part of the velocity."""
     facets = np.radians(np.linspace(-45, 0, 46))
-    x, z = np.sin(facets), 1 - np.cos(facets)
+    x = np.sin(facets)
+    z = 1 - np.cos(facets)
     vertices = np.array([[a, y, b] for a, b in zip(x, z) for y in (-1.0, 1.0)])
     first = 2 * np.arange(len(facets) - 1)
     faces = np.r_[np.c_[first, first + 2, first + 1], np.c_[first + 1, first + 2, first + 3]]

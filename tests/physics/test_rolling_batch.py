@@ -20,10 +20,12 @@ SLAB_HEIGHTS = (0.0, 1e-14, 1e-13, 1e-12, 5e-12, 1e-10, 1e-7, 1e-4, 0.01, 0.05)
 
 def random_floor(rng: np.random.Generator) -> tuple[World, FloatArray, FloatArray]:
     """Return a room with slabs, flush floors and gaps, some of them rotated, and balls on or near its floor."""
-    size, floor_surface = rng.choice([0.3, 1.0, 3.0]), random_surface(rng)
+    size = rng.choice([0.3, 1.0, 3.0])
+    floor_surface = random_surface(rng)
     bodies: list[tuple[Body, Surface]] = []
     if rng.random() < 0.4:  # Two floors, with or without a gap and a step between them.
-        edge, gap = rng.uniform(-0.3, 0.3) * size, rng.choice([1e-13, 1e-12, 1e-9, 1e-6, 1e-3, 0.02, 0.1])
+        edge = rng.uniform(-0.3, 0.3) * size
+        gap = rng.choice([1e-13, 1e-12, 1e-9, 1e-6, 1e-3, 0.02, 0.1])
         depth = 1.1 * size
         right = [edge + gap, -depth, -0.5], [depth, depth, rng.choice([0.0, 0.0, 1e-13, -1e-13, 1e-12, -1e-4])]
         bodies += [(inside_out(box([-size, -size, -0.3], [size, size, 1.0])), floor_surface)]
@@ -32,7 +34,8 @@ def random_floor(rng: np.random.Generator) -> tuple[World, FloatArray, FloatArra
     else:
         bodies += [(inside_out(box([-size, -size, 0.0], [size, size, 1.0])), floor_surface)]
     for _ in range(rng.integers(0, 4)):
-        middle, half = rng.uniform(-size, size, 2), rng.uniform(0.02, 0.5, 2) * size
+        middle = rng.uniform(-size, size, 2)
+        half = rng.uniform(0.02, 0.5, 2) * size
         slab = box([*(middle - half), rng.choice([-0.1, 0.0])], [*(middle + half), rng.choice(SLAB_HEIGHTS)])
         bodies += [(slab, floor_surface if rng.random() < 0.5 else random_surface(rng))]
     if rng.random() < 0.3:
@@ -48,7 +51,8 @@ def random_floor(rng: np.random.Generator) -> tuple[World, FloatArray, FloatArra
         for _ in range(rng.integers(0, 3)):
             vertices, faces = subdivide(vertices, faces)
         meshes.append(TriangleMesh(vertices @ rot.T + shift, faces, surface, None if rng.random() < 0.8 else True))
-    radius, impact = rng.choice([BALL_RADIUS, 0.005, 0.1]), rng.choice(["average", "conservative"])
+    radius = rng.choice([BALL_RADIUS, 0.005, 0.1])
+    impact = rng.choice(["average", "conservative"])
     dt = rng.choice([1 / 60, 1 / 120, 1 / 240, 0.05])
     bounds = shift + size * np.array([[-1.0] * 3, [1.0] * 3]) * rng.uniform(0.2, 1.0) if rng.random() < 0.3 else None
     world = World(meshes, ball_radius=radius, gravity=gravity, dt=dt, impact=impact, bounds=bounds)
@@ -92,8 +96,10 @@ def try_one_step(world: World, scratch: Scratch, p: FloatArray, v: FloatArray, r
     A ball that advanced must equal the reference step, one that did not must be unchanged.
     """
     record = scratch.rolling_batch[0]
-    k, before = SIMD_WIDTH - 1, (Vec3(*p.tolist()), Vec3(*v.tolist()))
-    record["active"], record["support"][k] = 0, row
+    k = SIMD_WIDTH - 1
+    before = (Vec3(*p.tolist()), Vec3(*v.tolist()))
+    record["active"] = 0
+    record["support"][k] = row
     if not try_enter(world.scene, scratch.cache.traversal, scratch.contacts, scratch.rolling_batch, k, *before):
         return False, False
     record["steps_left"][k] = 1
@@ -117,7 +123,8 @@ def test_fast_path_matches_reference_step_bitwise() -> None:
     for seed in range(1000):
         rng = np.random.default_rng([8, seed])
         world, positions, velocities = random_floor(rng)
-        scratch, eps = new_scratch(), world.scene.eps
+        scratch = new_scratch()
+        eps = world.scene.eps
         for p, v in zip(positions, velocities, strict=True):
             for row in supporting_rows(world, p)[:1]:
                 n = world.scene.triangles[row]["n"]
@@ -125,7 +132,8 @@ def test_fast_path_matches_reference_step_bitwise() -> None:
                 p = p + n * (world.ball_radius - height + rng.choice([0.0, 0.0, -1.0, -0.6, 0.5, 0.9, 2.0]) * eps)
                 v = v - n * (v @ n) * rng.choice([0.0, 1.0]) + n * rng.choice([0.0, 1e-14, -1e-14, 1e-9, -1e-3, 0.1])
                 results = try_one_step(world, scratch, p, v * rng.choice([1.0, 1.0, 1e-6, 1e-13]), row)
-                entered, rolled = entered + results[0], rolled + results[1]
+                entered = entered + results[0]
+                rolled = rolled + results[1]
     assert rolled > 500
     assert entered - rolled > 500
 
@@ -134,9 +142,12 @@ def test_fast_path_covers_the_whole_flat_run_and_no_more() -> None:
     """In the middle of a floor the fast path takes all steps of its lookahead, across seams, and then ends."""
     world = World([TriangleMesh(*subdivide(*inside_out(box([-5, -5, 0], [5, 5, 1]))))], ball_radius=BALL_RADIUS)
     scratch = new_scratch()
-    record, p, v = scratch.rolling_batch[0], Vec3(-0.1, 0.03, BALL_RADIUS), Vec3(1.0, 0.2, 0.0)
+    record = scratch.rolling_batch[0]
+    p = Vec3(-0.1, 0.03, BALL_RADIUS)
+    v = Vec3(1.0, 0.2, 0.0)
     [row] = supporting_rows(world, np.array(p))
-    record["support"][0], record["steps_left"] = row, 10_000
+    record["support"][0] = row
+    record["steps_left"] = 10_000
     assert try_enter(world.scene, scratch.cache.traversal, scratch.contacts, scratch.rolling_batch, 0, p, v)
     while step_rolling(world.scene, scratch.rolling_batch, 1):
         moved = step(world.scene, scratch, p, v, NO_LOG, 0, 0.0)
@@ -153,7 +164,8 @@ FLOOR_SURFACE = Surface(0.7)
 @pytest.mark.parametrize("height", [0.0, 1e-14, 3e-12, 1e-9])
 def test_fast_path_needs_one_plane_of_one_closed_mesh(height: float, two_sided: bool | None, separate: bool) -> None:
     """On a slab in the floor a ball enters if both are one plane of one mesh, and never at the slab's sides."""
-    floor, slab = box([-4, -4, -0.7], [4, 4, 0]), box([-0.5, -0.5, -0.5], [0.5, 0.5, height])
+    floor = box([-4, -4, -0.7], [4, 4, 0])
+    slab = box([-0.5, -0.5, -0.5], [0.5, 0.5, height])
     both = np.concatenate([floor[0], slab[0]]), np.concatenate([floor[1], slab[1] + len(floor[0])])
     meshes = [TriangleMesh(*body, FLOOR_SURFACE, two_sided) for body in ([floor, slab] if separate else [both])]
     world = World([TriangleMesh(*inside_out(box([-5, -5, -1], [5, 5, 1]))), *meshes], ball_radius=BALL_RADIUS)
@@ -198,7 +210,8 @@ def test_balls_on_flat_ground_enter_the_fast_path() -> None:
     """Balls of a batch enter within its first steps; only the run time would reveal that they did not."""
     floor = inside_out(box([-1.0, -1.0, 0.0], [1.0, 1.0, 1.0]))
     world = World([TriangleMesh(*floor, Surface(rolling=0.1))], ball_radius=BALL_RADIUS)
-    scratch, count = new_scratch(), SIMD_WIDTH
+    scratch = new_scratch()
+    count = SIMD_WIDTH
     angles = np.linspace(0.1, 6.0, count)
     velocities = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(count)])
     balls = Balls(np.tile([0.1, 0.2, BALL_RADIUS], (count, 1)), velocities, np.zeros(count, RESULT_DTYPE))

@@ -38,10 +38,12 @@ def test_hand_worked_oblique_wall() -> None:
     corners = np.array([[-8.0, -10, -6], [8, -10, 6], [8, 10, 6], [-8, 10, -6]])
     wall = TriangleMesh(corners, [[0, 1, 2], [0, 2, 3]], Surface(damping=0.75))
     world = World([wall], ball_radius=0.125, dt=0.125, gravity=(0, 0, -8))
-    average, start = np.array([4.0, 1.0, -0.5]), (0.125 + 0.14) * n
+    average = np.array([4.0, 1.0, -0.5])
+    start = (0.125 + 0.14) * n
     alpha = 0.14 / (2.8 * 0.125)
     after = 0.75 * (average - 2 * (average @ n) * n)
-    left, g = 0.125 * (1 - alpha), np.array([0, 0, -8])
+    left = 0.125 * (1 - alpha)
+    g = np.array([0, 0, -8])
     p, v = world.step(start, [4.0, 1.0, 0.0])
     assert p == pytest.approx(start + alpha * 0.125 * average + left * after + 0.5 * left**2 * g, abs=1e-11)
     assert v == pytest.approx(after + left * g, abs=1e-11)
@@ -51,10 +53,12 @@ def test_hand_worked_oblique_wall() -> None:
 def test_steps_follow_the_exact_golden_runs(run: int) -> None:
     """Steps follow the exact trajectories of the CS121 notes' algorithm; the bound grows as errors do at impacts."""
     vertices, faces, states = (GOLDEN[name][run] for name in ("vertices", "faces", "states"))
-    surface, dt = Surface(damping=float(GOLDEN["damping"][run]), rolling=0.0), float(GOLDEN["dt"][run])
+    surface = Surface(damping=float(GOLDEN["damping"][run]), rolling=0.0)
+    dt = float(GOLDEN["dt"][run])
     meshes = [TriangleMesh(vertices[:8], faces[:12], surface), TriangleMesh(vertices[8:], faces[12:] - 8, surface)]
     world = World(meshes, ball_radius=float(GOLDEN["radius"][run]), dt=dt)
-    bound, (p, v) = 1e-9, np.split(states[0], 2)
+    bound = 1e-9
+    p, v = np.split(states[0], 2)
     for exact in states[1:][np.isfinite(states[1:, 0])]:
         before = v
         p, v = world.step(p, v)
@@ -168,7 +172,9 @@ def test_mirrored_world_gives_the_mirrored_run(impact: str) -> None:
     for seed in range(3):
         rng = np.random.default_rng(seed)
         bodies = [box_room(), sphere([0.5, 0.4, 0.3], 0.25), tetrahedron([-0.3, -0.2, 0.5], 0.3)]
-        gravity, p, v = rng.normal(size=3) * 5, np.array([-0.6, 0.6, 1.4]), rng.uniform(-3, 3, 3)
+        gravity = rng.normal(size=3) * 5
+        p = np.array([-0.6, 0.6, 1.4])
+        v = rng.uniform(-3, 3, 3)
         mirror = np.array([-1.0, 1.0, 1.0])
         worlds = [World([mesh(body, Surface(damping=0.8)) for body in bodies], gravity=gravity, impact=impact)]
         mirrored = [TriangleMesh(mirror * vertices, faces[:, ::-1], Surface(damping=0.8)) for vertices, faces in bodies]

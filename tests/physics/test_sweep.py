@@ -32,7 +32,8 @@ SOLIDS = {
 
 def test_closed_meshes_are_not_hit_from_behind() -> None:
     """A sphere that leaves a solid, or enters a room from outside, hits nothing; in the other direction it does."""
-    solid, hall = World([mesh(box([-1, -1, -1], [1, 1, 1]))]), World([mesh(inside_out(box([-1, -1, -1], [1, 1, 1])))])
+    solid = World([mesh(box([-1, -1, -1], [1, 1, 1]))])
+    hall = World([mesh(inside_out(box([-1, -1, -1], [1, 1, 1])))])
     inside, outside = [0.1, 0.2, 0.3], [3.0, 0.2, 0.3]
     assert not solid.sweep(inside, outside).hit
     assert solid.sweep(outside, inside).alpha == pytest.approx((2.0 - BALL_RADIUS) / 2.9, abs=1e-12)
@@ -112,7 +113,9 @@ def test_solids_may_touch_and_overlap() -> None:
 @pytest.mark.parametrize(("offset", "speed"), [(0.0, 1.313), (0.2, 1.269), (0.4, 1.121), (0.5, 0.987), (0.6, 0.716)])
 def test_hole_captures_a_ball_below_the_free_fall_speed(offset: float, speed: float) -> None:
     """A ball that crosses a hole below the speed at which it falls by its radius in flight drops in."""
-    hole, r, g = 0.054, BALL_RADIUS, 9.81
+    hole = 0.054
+    r = BALL_RADIUS
+    g = 9.81
     flight = math.sqrt(hole**2 * (1 - offset**2)) + math.sqrt((hole - r) ** 2 - (offset * hole) ** 2)
     limit = flight * math.sqrt(g / (2 * r))
     assert limit == pytest.approx(speed, abs=1.5e-3)

@@ -33,9 +33,13 @@ def fault_of(case: Case) -> str:
 def reference_faults(i: int) -> list[str]:
     """Return the differences from a reference vector's exact result, where the verdict is clear."""
     start, end, radius, triangle = (VECTORS[name][i] for name in ("start", "end", "radius", "triangle"))
-    alpha, normal, margin = float(VECTORS["alpha"][i]), VECTORS["normal"][i], VECTORS["margin"][i]
+    alpha = float(VECTORS["alpha"][i])
+    normal = VECTORS["normal"][i]
+    margin = VECTORS["margin"][i]
     case = start, end, float(radius), triangle[None]
-    answer, scale, length = sweep_sphere(*case), scale_of(*case), float(np.linalg.norm(end - start))
+    answer = sweep_sphere(*case)
+    scale = scale_of(*case)
+    length = float(np.linalg.norm(end - start))
     faults = [fault_of(case)]
     if VECTORS["hit"][i] and margin > 1e-6 * scale and alpha > 0.0:
         speed = -float((end - start) @ normal) / length
@@ -59,7 +63,8 @@ def test_sweeps_agree_with_the_reference_vectors(family: str) -> None:
 
 def random_case(rng: np.random.Generator, family: str) -> Case:
     """Return a random case of a family; most aim at a point of the triangle, or just past its border."""
-    triangle, radius = rng.uniform(-1, 1, (3, 3)), float(rng.choice([0.02135, rng.uniform(0.005, 0.5)]))
+    triangle = rng.uniform(-1, 1, (3, 3))
+    radius = float(rng.choice([0.02135, rng.uniform(0.005, 0.5)]))
     if family == "sliver":
         triangle[2] = triangle[0] + rng.random() * (triangle[1] - triangle[0])
         triangle[2] += rng.normal(size=3) * 10.0 ** rng.uniform(-18, -3)
@@ -92,29 +97,21 @@ def random_case(rng: np.random.Generator, family: str) -> Case:
         direction = np.cross(face, direction) / np.linalg.norm(np.cross(face, direction))
         start = target + radius * face - rng.random() * length * direction
         drop = 10.0 ** rng.uniform(-13, -9)
-        start, direction = start + rng.uniform(-1, 1) * drop * face, direction - drop / length * face
+        start = start + rng.uniform(-1, 1) * drop * face
+        direction = direction - drop / length * face
     if family == "tip":
         direction = triangle.mean(axis=0) - triangle[first] + 0.2 * rng.normal(size=3)
         direction /= np.linalg.norm(direction)
         start = triangle[first] - (radius + 10.0 ** rng.uniform(-9, 0)) * direction
     if family == "far":
         shift = rng.uniform(-1, 1, 3) * 1e6
-        start, triangle = start + shift, triangle + shift
+        start = start + shift
+        triangle = triangle + shift
     return start, start + direction * length, radius, triangle[None]
 
 
-FAMILIES = [
-    "random",
-    "graze",
-    "sliver",
-    "degenerate",
-    "needle and giant",
-    "far",
-    "skim",
-    "tip",
-    "tiny path",
-    "long path",
-]
+FAMILIES = ["random", "graze", "sliver", "degenerate", "needle and giant"]
+FAMILIES += ["far", "skim", "tip", "tiny path", "long path"]
 
 
 @pytest.mark.parametrize("family", [*FAMILIES, "touching start", "inside start"])
@@ -178,7 +175,8 @@ def test_brute_force_sweep_is_the_first_hit_of_its_triangles(
 
 def clear_cases(count: int) -> list[tuple[Case, Hit]]:
     """Return random cases with one triangle and a steep hit, whose verdict survives moving the world."""
-    rng, cases = np.random.default_rng(11), []
+    rng = np.random.default_rng(11)
+    cases = []
     while len(cases) < count:
         case = random_case(rng, "random")
         hit = sweep_sphere(*case)
@@ -252,10 +250,11 @@ def test_two_sided_triangle_has_the_mirrored_normal_for_the_mirrored_path() -> N
 
 
 def test_simultaneous_hits_prefer_the_steepest_then_the_first_triangle() -> None:
-    """Of faces hit at one instant the one with the steepest approach counts; of equal ones the first."""
+    """The face with the steepest approach counts if several are hit at one instant; of equal ones the first."""
     wall = np.array([[[0.0, -9.0, -9.0], [0.0, 9.0, -9.0], [0.0, 0.0, 9.0]]])
     floor = np.array([[[-9.0, -9.0, 0.0], [9.0, -9.0, 0.0], [0.0, 9.0, 0.0]]])
-    start, direction = np.array([1.25, 0.0, 1.25]), np.array([-1.0, 0.0, -1.0])
+    start = np.array([1.25, 0.0, 1.25])
+    direction = np.array([-1.0, 0.0, -1.0])
     both = np.concatenate([wall, floor, wall, floor])
     assert sweep_sphere(start, start + 2 * direction, 0.25, both).triangle == 0
     assert sweep_sphere(start, start + 2 * direction, 0.25, both[[1, 0]]).triangle == 0
@@ -303,10 +302,12 @@ def test_grazing_within_the_tolerance_is_no_hit() -> None:
 
 @pytest.mark.parametrize("depth", [-1e-12, 0.0, 1e-13, 3e-13, 8e-13, 1e-12, 1e-9, 1e-6])
 def test_ridge_edge_is_hit_exactly_when_deeper_than_the_tolerance(depth: float) -> None:
-    """For a tangential path across an edge from which a face falls away the tolerance is 5e-13."""
+    """The tolerance is 5e-13 for a tangential path across an edge from which a face falls away."""
     rng = np.random.default_rng(3)
     for _ in range(500):
-        tilt, angle, share = 10.0 ** rng.uniform(-4, -0.5), rng.uniform(-1.3, 1.3), rng.uniform(0.1, 0.9)
+        tilt = 10.0 ** rng.uniform(-4, -0.5)
+        angle = rng.uniform(-1.3, 1.3)
+        share = rng.uniform(0.1, 0.9)
         ridge = np.array([[[0.0, -1.0, 0.0], [1.0, -1.0, -tilt], [0.0, 1.0, 0.0]]])
         direction = 10.0 ** rng.uniform(-2, -1) * np.array([np.cos(angle), np.sin(angle), 0.0])
         start = np.array([0.0, rng.uniform(-0.5, 0.5), 0.02 - depth]) - share * direction

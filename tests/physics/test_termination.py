@@ -27,10 +27,11 @@ def test_ball_as_deep_as_allowed_is_not_stopped_by_a_seam(motion: str) -> None:
 
 @pytest.mark.parametrize("c", [0.05, 0.3])
 def test_ball_on_a_slope_of_c_over_sqrt_2_stops_within_its_sub_steps(c: float) -> None:
-    """Where tan(beta) = c / sqrt(2) each stop turns a ball by a right angle; it comes to rest, mostly soon."""
+    """Each stop on a slope of tan(beta) = c / sqrt(2) turns a ball by a right angle; it comes to rest, mostly soon."""
     rot = rotation_about_y(math.atan(c * math.sqrt(0.5)))
     world = World([mesh(grid(10.0, 1), Surface(rolling=c), rot)])
-    num_exhausted, max_substeps = 0, []
+    num_exhausted = 0
+    max_substeps = []
     for angle in np.radians(np.arange(0, 360, 5)):
         for speed in (1e-5, 1e-4, 1e-3, 1e-2, 0.1, 1.0):
             direction = rot @ [math.cos(angle), math.sin(angle), 0.0]

@@ -31,7 +31,8 @@ def test_chunks_cover_all_rows_once(threads: int, n: int) -> None:
 def test_no_chunk_starts_after_an_interrupt(monkeypatch: pytest.MonkeyPatch) -> None:
     """Running chunks finish; waiting ones are dropped."""
     monkeypatch.setattr(thread_pool, "_num_threads", lambda: 2)
-    gate, started = threading.Event(), []
+    gate = threading.Event()
+    started = []
 
     def run(first: int, last: int) -> None:
         started.append(first)

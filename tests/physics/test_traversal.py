@@ -80,13 +80,15 @@ def write_leaves(
 ) -> int:
     """Write the leaves (N, 2) on a path, or around a point if it has no length; return their number."""
     start_traversal(traversal)
-    count, size = INT64_ZERO, INT64_ZERO + 1
+    count = INT64_ZERO
+    size = INT64_ZERO + 1
     while size > 0:
         if w.x == 0.0:
             first, size = next_leaf_in_radius(nodes, traversal, p, reach)
         else:
             first, size = next_leaf_in_sweep(nodes, traversal, p, w, reach)
-        leaves[count, 0], leaves[count, 1] = first, size
+        leaves[count, 0] = first
+        leaves[count, 1] = size
         count += size > 0
     return count
 
@@ -95,7 +97,8 @@ def write_leaves(
 def test_traversal_returns_exactly_the_near_leaves_nearest_first(length: float) -> None:
     """In a row of point triangles, along a path or around a point, all near leaves are returned and no others."""
     nodes, order = build_bvh(np.arange(64.0)[:, None, None] + np.zeros((64, 3, 3)))
-    start, leaves = 20.2, np.empty((64, 2), np.int64)
+    start = 20.2
+    leaves = np.empty((64, 2), np.int64)
     count = write_leaves(
         nodes, new_traversal(), Vec3(*[start] * 3), Vec3(*[length] * 3), 10.0 if length == 0.0 else 0.1, leaves
     )

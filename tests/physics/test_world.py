@@ -10,7 +10,8 @@ from tests.physics.scenes import BALL_RADIUS, box, grid, mesh, room
 
 HALL = mesh(room(2.0), Surface())
 NAN, INF = float("nan"), float("inf")
-CENTRE, ZERO_VELOCITY = [0.0, 0.0, 1.0], [0.0, 0.0, 0.0]
+CENTRE = [0.0, 0.0, 1.0]
+ZERO_VELOCITY = [0.0, 0.0, 0.0]
 
 BAD_WORLDS = {
     "no mesh": ({"meshes": []}, ["meshes", "at least one TriangleMesh"]),
@@ -146,8 +147,10 @@ def test_calls_do_not_modify_their_arguments() -> None:
 
 def test_empty_batches_give_empty_results() -> None:
     """No balls give no shots, no paths no hits, no points no clearances, and no triangles no hit."""
-    world, none = World([HALL]), np.empty((0, 3))
-    shots, hits = world.simulate_batch(none, none), world.sweep_batch(none, none)
+    world = World([HALL])
+    none = np.empty((0, 3))
+    shots = world.simulate_batch(none, none)
+    hits = world.sweep_batch(none, none)
     assert [len(shots.position), len(shots.status), len(shots.time)] == [0, 0, 0]
     assert [len(hits.hit), len(hits.alpha), hits.normal.shape] == [0, 0, (0, 3)]
     assert world.clearance(none).shape == (0,)
@@ -165,7 +168,8 @@ def test_accepts_lists_integers_and_single_precision() -> None:
 def test_results_for_one_ball_are_python_scalars() -> None:
     """Results for one ball are plain numbers and (3,) arrays of float64."""
     world = World([HALL])
-    hit, shot = world.sweep(CENTRE, [0, 0, -1]), world.simulate(CENTRE, ZERO_VELOCITY, max_time=0.1)
+    hit = world.sweep(CENTRE, [0, 0, -1])
+    shot = world.simulate(CENTRE, ZERO_VELOCITY, max_time=0.1)
     assert [type(hit.hit), type(hit.alpha), type(hit.triangle)] == [bool, float, int]
     assert [hit.normal.dtype, hit.normal.shape] == [np.float64, (3,)]
     assert type(world.clearance(CENTRE)) is float

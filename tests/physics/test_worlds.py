@@ -33,9 +33,11 @@ def test_batch_of_worlds_equals_single_worlds_bitwise(worlds: list[World], rows_
     positions = np.repeat(starts(), rows_per_world, axis=0)
     velocities = np.append(rng.uniform(-3, 3, (len(positions), 2)), np.zeros((len(positions), 1)), axis=1)
     batch = WorldBatch(worlds)
-    shots, hits = batch.simulate_batch(positions, velocities), batch.sweep_batch(positions, positions + velocities)
+    shots = batch.simulate_batch(positions, velocities)
+    hits = batch.sweep_batch(positions, positions + velocities)
     for i, (p, v) in enumerate(zip(positions, velocities, strict=True)):
-        shot, hit = worlds[i // rows_per_world].simulate(p, v), worlds[i // rows_per_world].sweep(p, p + v)
+        shot = worlds[i // rows_per_world].simulate(p, v)
+        hit = worlds[i // rows_per_world].sweep(p, p + v)
         assert (shots.position[i].tobytes(), shots.time[i]) == (shot.position.tobytes(), shot.time)
         assert (hits.alpha[i], hits.triangle[i], hits.normal[i].tobytes()) == (
             hit.alpha,
@@ -52,7 +54,8 @@ def test_empty_batch_of_worlds_accepts_no_balls() -> None:
 
 def test_rejects_batches_that_do_not_fit(worlds: list[World]) -> None:
     """Overlapping balls, row counts that do not fit the worlds, and different time steps are refused."""
-    batch, positions = WorldBatch(worlds), starts()
+    batch = WorldBatch(worlds)
+    positions = starts()
     positions[2, 2] -= 0.01
     with pytest.raises(ValueError, match="position 2: expected a ball in free space"):
         batch.simulate_batch(positions, np.zeros((4, 3)))
