@@ -76,6 +76,8 @@ class CheckedReward:
         Raises:
             ValueError: the function returned another shape, or a number that is not finite.
         """
+        if len(before) == 0:  # Every environment of a batch is reset in this step.
+            return np.zeros(0)
         views = Outcome(*(_read_only(field) for field in outcome))
         rewards = self.function(_read_only(before), views, _read_only(ended), task)
         name = f"reward {_function_name(self.function)!r}"

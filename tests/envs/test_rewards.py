@@ -146,6 +146,17 @@ def test_function_cannot_change_the_state() -> None:
         env.step(np.zeros(env.action_space.shape or ()))
 
 
+def test_function_is_not_called_without_strokes() -> None:
+    """A step that only resets environments calls no reward function, which may not take empty arrays."""
+    batch = MiniGolfVectorEnv(
+        2, reward=lambda before, outcome, ended, task: outcome.time / outcome.time.max(), max_strokes=1
+    )
+    batch.reset(seed=0)
+    putts = np.full((2, 2), 0.3)
+    assert batch.step(putts)[1].max() == 1.0
+    assert batch.step(putts)[1].tolist() == [0.0, 0.0]
+
+
 @pytest.mark.parametrize("reward", ["shape", 5, None, ["shaped"]])
 def test_unknown_reward_is_refused(reward: Any) -> None:
     """The message lists the names, guesses which was meant, and says that a function is possible."""
