@@ -24,7 +24,7 @@ from minigolf_env.evaluation.report import print_evaluations, write_json_report
 from minigolf_env.players.model_files import load_model, save_model
 from minigolf_env.players.policies import PRETRAINED_FOLDER, PRETRAINED_MODELS, ModelPolicy
 
-MAX_MODEL_BYTES = 200_000
+MAX_PRETRAINED_BYTES = 200_000
 """Maximum size of a model's file, as everyone who installs the package downloads it."""
 
 
@@ -70,9 +70,9 @@ def main(config: ReleaseConfig) -> None:
         # The generalist has ten times the weights, so it is stored in half precision.
         save_model(model, temporary_file, np.float16 if is_generalist else np.float32)
         size = temporary_file.stat().st_size
-        if size > MAX_MODEL_BYTES:
+        if size > MAX_PRETRAINED_BYTES:
             raise SystemExit(
-                f"model: expected at most {MAX_MODEL_BYTES:,} bytes, received {size:,}; train a smaller network."
+                f"model: expected at most {MAX_PRETRAINED_BYTES:,} bytes, received {size:,}; train a smaller network."
             )
 
         # Evaluate it on each task, without putt noise and with it.
