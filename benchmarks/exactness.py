@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from benchmarks.energy_figure import BAND_QUANTILES, draw_energy_error, quantile_band
 from benchmarks.peers import load_peers
-from benchmarks.peers.engine import GRAVITY, Conservative, Engine, Minigolf
+from benchmarks.peers.engine import GRAVITY_ACCELERATION, Conservative, Engine, Minigolf
 from benchmarks.report import print_table, store_results, table_records
 from benchmarks.scenes import (
     BALL_RADIUS,
@@ -125,7 +125,7 @@ def measure_energy_error(engine: type[Engine], args: Args, interval: float = 0.2
 
 def total_energy(positions: FloatArray, velocities: FloatArray) -> FloatArray:
     """Return the energies (N,) of balls of 1 kg, J."""
-    return np.asarray(0.5 * np.sum(velocities**2, axis=1) + GRAVITY * (positions[:, 2] - BALL_RADIUS))
+    return np.asarray(0.5 * np.sum(velocities**2, axis=1) + GRAVITY_ACCELERATION * (positions[:, 2] - BALL_RADIUS))
 
 
 def largest_contact_error(engine: type[Engine], args: Args) -> float | None:

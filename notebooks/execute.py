@@ -1,6 +1,6 @@
-"""Runs the notebooks and stores what they show: ``python -m notebooks.execute``, or ``make notebooks``.
+"""Runs the notebooks and stores their outputs: ``python -m notebooks.execute``, or ``make notebooks``.
 
-``MINIGOLF_QUICK=1`` runs them on small budgets, as the tests do.
+``MINIGOLF_QUICK=1`` runs them with small budgets, as the tests do.
 """
 
 from __future__ import annotations
@@ -15,37 +15,39 @@ import tyro
 from nbclient import NotebookClient
 from tqdm import tqdm
 
-FOLDER = Path(__file__).parent
-NOTEBOOKS = tuple(sorted(FOLDER.glob("*.ipynb")))
-COMPILING = "minigolf_env: compiling the physics"
-"""How a line starts that only says that this machine had no compiled kernels yet."""
+NOTEBOOK_FOLDER = Path(__file__).parent
+NOTEBOOK_PATHS = tuple(sorted(NOTEBOOK_FOLDER.glob("*.ipynb")))
+COMPILATION_NOTICE = "minigolf_env: compiling the physics"
+"""Beginning of the line that announces the compilation of the kernels."""
 
 
 @dataclass(frozen=True)
 class Args:
-    """The command line."""
+    """Arguments of the command line."""
 
-    notebooks: tuple[Path, ...] = NOTEBOOKS
+    notebooks: tuple[Path, ...] = NOTEBOOK_PATHS
+    """Paths of the notebooks."""
     timeout: int = 1800
-    """Of a cell, s."""
+    """Time limit of a cell, s."""
 
 
 def execute(path: Path, timeout: int = 1800) -> nbformat.NotebookNode:
-    """Return a notebook with the outputs of a run in an empty folder, which is removed.
+    """Return a notebook with the outputs of a run in an empty temporary folder.
 
-    The repository's modules are found wherever the run is. Nothing is kept that another run would not show: no times,
-    no names of this machine's kernels.
+    The repository's modules can be imported. Outputs that differ from run to run, such as times and the names of this
+    machine's kernels, are removed.
 
     Args:
-        path: of the notebook, which stays as it is.
-        timeout: of a cell, s.
+        path: the notebook; the file is not changed.
+        timeout: time limit of a cell, s.
 
     Raises:
         CellExecutionError: a cell raised an error.
+        RuntimeError: the notebook left files behind.
     """
     notebook = nbformat.read(path, as_version=4)
-    paths = [str(FOLDER.parent), os.environ.get("PYTHONPATH", "")]
-    # A notebook sets its own backend; one that the caller chose would show no pictures.
+    paths = [str(NOTEBOOK_FOLDER.parent), os.environ.get("PYTHONPATH", "")]
+    # A notebook sets its own backend; the caller's may display no figures.
     environment = {name: value for name, value in os.environ.items() if name != "MPLBACKEND"}
     environment["PYTHONPATH"] = os.pathsep.join(filter(None, paths))
     with tempfile.TemporaryDirectory() as folder:
@@ -53,18 +55,18 @@ def execute(path: Path, timeout: int = 1800) -> nbformat.NotebookNode:
             notebook,
             timeout=timeout,
             coalesce_streams=True,
-            extra_arguments=["--log-level=ERROR"],  # Else a kernel warns of its sockets, which only this machine has.
+            extra_arguments=["--log-level=ERROR"],  # Else the kernel warns about its sockets.
             resources={"metadata": {"path": folder}},
         )
         client.execute(env=environment)
-        left = sorted(path.name for path in Path(folder).iterdir())
-    if left:
-        raise RuntimeError(f"{path.name}: expected no files left behind, there are {', '.join(left)}.")
-    return plain(notebook)
+        left_files = sorted(path.name for path in Path(folder).iterdir())
+    if left_files:
+        raise RuntimeError(f"{path.name}: expected no files left behind, there are {', '.join(left_files)}.")
+    return normalize(notebook)
 
 
-def plain(notebook: nbformat.NotebookNode) -> nbformat.NotebookNode:
-    """Take out what differs from run to run or machine to machine, and return the notebook."""
+def normalize(notebook: nbformat.NotebookNode) -> nbformat.NotebookNode:
+    """Remove what differs between runs or machines, and return the notebook."""
     notebook.metadata = nbformat.from_dict(
         {
             "kernelspec": {"display_name": "Python 3", "language": "python", "name": "python3"},
@@ -72,17 +74,20 @@ def plain(notebook: nbformat.NotebookNode) -> nbformat.NotebookNode:
         }
     )
     for number, cell in enumerate(notebook.cells):
-        cell.id, cell.metadata = f"cell-{number}", nbformat.from_dict({})
+        cell.id = f"cell-{number}"
+        cell.metadata = nbformat.from_dict({})
         if cell.cell_type == "code":
-            cell.outputs = [output for output in cell.outputs if not output.get("text", "").startswith(COMPILING)]
+            cell.outputs = [
+                output for output in cell.outputs if not output.get("text", "").startswith(COMPILATION_NOTICE)
+            ]
             for output in cell.outputs:
-                if "image/jpeg" in output.get("data", {}):  # A photograph: the same as .png is ten times as large.
+                if "image/jpeg" in output.get("data", {}):  # A rendered image: as .png it is ten times as large.
                     output.data.pop("image/png", None)
     return notebook
 
 
 def main(args: Args) -> None:
-    """Run notebooks and store them with their outputs."""
+    """Run the notebooks and store them with their outputs."""
     for path in tqdm(args.notebooks, "Notebooks"):
         nbformat.write(execute(path, args.timeout), path)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pybullet
 
-from benchmarks.peers.engine import GRAVITY, Engine
+from benchmarks.peers.engine import GRAVITY_ACCELERATION, Engine
 from benchmarks.scenes import BALL_RADIUS, FloatArray, Scene
 
 MAX_STEPS_PER_CALL = 120
@@ -33,7 +33,7 @@ class Bullet(Engine):
         self.dt = dt
         self._steps_per_call = 0
         self.client = pybullet.connect(pybullet.DIRECT)
-        pybullet.setGravity(0.0, 0.0, -GRAVITY, physicsClientId=self.client)
+        pybullet.setGravity(0.0, 0.0, -GRAVITY_ACCELERATION, physicsClientId=self.client)
         pybullet.setPhysicsEngineParameter(allowedCcdPenetration=ALLOWED_PENETRATION, physicsClientId=self.client)
         for body in scene.bodies:
             shape = pybullet.createCollisionShape(

@@ -9,7 +9,7 @@ import numpy as np
 
 from benchmarks.scenes import FloatArray, Scene
 
-GRAVITY = 9.81
+GRAVITY_ACCELERATION = 9.81
 """Gravity, m/s^2, downwards."""
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from benchmarks.peers.engine import GRAVITY, Engine
+from benchmarks.peers.engine import GRAVITY_ACCELERATION, Engine
 from benchmarks.scenes import BALL_RADIUS, ROOM_BOUNDS, FloatArray, Scene
 
 SCENERY_GROUP = 1
@@ -26,7 +26,7 @@ class Mujoco(Engine):
     def __init__(self, scene: Scene, balls: int = 1, dt: float = 1 / 120) -> None:
         spec = mujoco.MjSpec()
         spec.option.timestep = dt
-        spec.option.gravity = (0.0, 0.0, -GRAVITY)
+        spec.option.gravity = (0.0, 0.0, -GRAVITY_ACCELERATION)
         spec.default.geom.friction = (scene.surface.rolling, 0.0, 0.0)
         # Restitution is a damper that turns an approach at v into a separation at e v within one step. This needs the
         # hardest contacts and an elliptic friction cone: with the defaults 0.7 becomes 0.8, and 1 diverges.

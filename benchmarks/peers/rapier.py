@@ -6,7 +6,7 @@ import numpy as np
 import rapier3d as rp
 from numpy.typing import NDArray
 
-from benchmarks.peers.engine import GRAVITY, Engine
+from benchmarks.peers.engine import GRAVITY_ACCELERATION, Engine
 from benchmarks.scenes import BALL_RADIUS, Body, FloatArray, Scene
 
 SCENERY_GROUP = rp.Group.GROUP_1
@@ -24,7 +24,7 @@ class Rapier(Engine):
     cast_kind = "sphere"
 
     def __init__(self, scene: Scene, balls: int = 1, dt: float = 1 / 120) -> None:
-        self.world = rp.PhysicsWorld(gravity=(0.0, 0.0, -GRAVITY))
+        self.world = rp.PhysicsWorld(gravity=(0.0, 0.0, -GRAVITY_ACCELERATION))
         self.world.set_num_threads(1)
         self.world.integration_parameters.dt = dt
         surface = scene.surface

@@ -21,17 +21,17 @@ from minigolf_env.apps.play.hud import Hud
 from minigolf_env.apps.play.hud_text import FAILED_STROKE_MESSAGES, hud_state
 from minigolf_env.apps.play.orbit_camera import OrbitCamera
 from minigolf_env.apps.play.replay_player import SLOW_MOTION_RATE, ReplayPlayer
-from minigolf_env.apps.play.stroke import HUMAN_NAME, Stroke
+from minigolf_env.apps.play.stroke import HUMAN_NAME, PlayedStroke
 from minigolf_env.apps.play.throw_mode import ThrowMode
 from minigolf_env.rendering import Camera, Line, SceneState
 from minigolf_env.rendering.camera import follow_camera
 from minigolf_env.rendering.replay import Replay, flag_position
 from minigolf_env.rendering.window import Window
 
-MIN_FRAME_INTERVAL = 1.0 / 60.0
-"""Shortest time between two frames, s."""
+TICK_INTERVAL = 1.0 / 60.0
+"""Time between two calls of the timer, s."""
 
-MAX_FRAME_INTERVAL = 0.1
+MAX_CAMERA_INTERVAL = 0.1
 """Longest time that the camera moves in one frame, s."""
 
 MAX_ELEVATION = 85.0
@@ -63,7 +63,7 @@ class App:
         self.path_shown = True
         self.elevation = mode.default_elevation
         self.recorder = WindowRecorder()
-        self.last_stroke: Stroke | None = None
+        self.last_stroke: PlayedStroke | None = None
         self._hud = Hud(window.window)
         self._executor = ThreadPoolExecutor(1)
         self._pending: tuple[Future[Any], Callable[[Any], None]] | None = None
@@ -105,8 +105,8 @@ class App:
         self._needs_redraw = True
         if not self._is_ticking:
             self._is_ticking = True
-            self._last_tick = time.perf_counter() - MIN_FRAME_INTERVAL
-            pyglet.clock.schedule_interval(self._tick, MIN_FRAME_INTERVAL)
+            self._last_tick = time.perf_counter() - TICK_INTERVAL
+            pyglet.clock.schedule_interval(self._tick, TICK_INTERVAL)
 
     def drag_aim(self, drag: tuple[float, float]) -> None:
         """Set the aim from a mouse drag, pixels of the window."""
@@ -234,7 +234,7 @@ class App:
         self.show_message(message)
         self.log("replayed")
 
-    def _on_rest(self, stroke: Stroke) -> None:
+    def _on_rest(self, stroke: PlayedStroke) -> None:
         """Announce the result of a stroke and continue with the opponent's turn or the score card."""
         position = stroke.next_position.tolist()
         self.log("rest", player=stroke.player, status=stroke.status, position=position, strokes=self.mode.strokes)
@@ -251,11 +251,11 @@ class App:
             self.card_shown = True
             self.log("hole_over", rows=golf.card.rows(golf.best.best))
 
-    def _on_opponent(self, stroke: Stroke) -> None:
+    def _on_opponent(self, stroke: PlayedStroke) -> None:
         self.message = f"{stroke.player} plays"
         self._play_back(stroke, 1.0, lambda: self._on_rest(stroke))
 
-    def _play_back(self, stroke: Stroke, rate: float, on_end: Callable[[], None]) -> None:
+    def _play_back(self, stroke: PlayedStroke, rate: float, on_end: Callable[[], None]) -> None:
         """Start to display a stroke."""
         replay = Replay(
             self.mode.course,
@@ -277,7 +277,7 @@ class App:
     def _tick(self, _: float) -> None:
         """Advance by one frame, draw it if it is new, and stop the timer when nothing moves."""
         now = time.perf_counter()
-        elapsed = min(now - self._last_tick, MAX_FRAME_INTERVAL)
+        elapsed = min(now - self._last_tick, MAX_CAMERA_INTERVAL)
         self._last_tick = now
         moves = self._advance(elapsed)
         if moves or self._needs_redraw:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from minigolf_env.apps.play.aim import Aim
 from minigolf_env.apps.play.scores import BestScores, HoleScore, ScoreCard, score_message
-from minigolf_env.apps.play.stroke import HUMAN_NAME, FloatArray, Stroke, path_to_first_bounce
+from minigolf_env.apps.play.stroke import HUMAN_NAME, FloatArray, PlayedStroke, path_to_first_bounce
 from minigolf_env.courses import ROUND_COURSE, ROUND_HOLES, Course, list_courses, par_of
 from minigolf_env.envs import MiniGolfEnv
 from minigolf_env.players.policies import Policy
@@ -105,7 +105,7 @@ class GolfRound:
         """Return the velocity (3,), m/s, at which a stroke launches the ball."""
         return np.asarray(self._env.task.launch_velocity(np.array([aim.x, aim.y])))
 
-    def strike(self, aim: Aim) -> Stroke:
+    def strike(self, aim: Aim) -> PlayedStroke:
         """Play the human's putt."""
         self._undo_states.append(self._env.get_state())
         stroke, score = self._play(self._env, HUMAN_NAME, np.array([aim.x, aim.y]))
@@ -141,7 +141,7 @@ class GolfRound:
             raise ValueError("opponent: expected a policy, received none; pass one to GolfRound.")
         return self._opponent.act(self._opponent_observation, self._opponent_env)
 
-    def opponent_strike(self, putt: NDArray[np.float32]) -> Stroke:
+    def opponent_strike(self, putt: NDArray[np.float32]) -> PlayedStroke:
         """Play the opponent's putt."""
         stroke, score = self._play(self._opponent_env, self.opponent_name, putt)
         if score is not None:
@@ -174,12 +174,12 @@ class GolfRound:
 
     def _play(
         self, env: MiniGolfEnv, player: str, putt: FloatArray | NDArray[np.float32]
-    ) -> tuple[Stroke, HoleScore | None]:
+    ) -> tuple[PlayedStroke, HoleScore | None]:
         """Play a putt; return it, and the player's score if it finished the hole."""
         start = np.array(env.get_state()["position"])
         path, times = env.task.simulate_path(start, env.task.launch_velocity(np.asarray(putt, dtype=np.float64)))
         observation, _, terminated, _, info = env.step(putt)
         if env is self._opponent_env:
             self._opponent_observation = observation
-        stroke = Stroke(player, path, times, np.array(env.get_state()["position"]), info["status"])
+        stroke = PlayedStroke(player, path, times, np.array(env.get_state()["position"]), info["status"])
         return stroke, HoleScore(info["strokes"], info["is_success"]) if terminated else None

@@ -14,7 +14,7 @@ from pyglet import gl, shapes
 
 from minigolf_env.apps.play.guides import power_color
 
-RGBA = tuple[int, int, int, int]
+RgbaColor = tuple[int, int, int, int]
 
 FONT_NAMES = ["Inter", "Segoe UI", "Helvetica Neue", "Cantarell", "Noto Sans", "DejaVu Sans", "Arial"]
 """Fonts in order of preference; without any of them the system's default is used."""
@@ -89,18 +89,18 @@ class HudLayer:
         self._groups = [pyglet.graphics.Group(order=k) for k in range(3)]
         self._items: list[Any] = []
 
-    def panel(self, x: float, y: float, width: float, height: float, color: RGBA = PANEL_COLOR) -> None:
+    def panel(self, x: float, y: float, width: float, height: float, color: RgbaColor = PANEL_COLOR) -> None:
         """Add a dark panel with round corners; (x, y) is its lower left corner, pixels."""
         radius = min(9.0 * self.scale, height / 2.0)
         self._items.append(
             shapes.RoundedRectangle(x, y, width, height, radius, color=color, batch=self.batch, group=self._groups[0])
         )
 
-    def box(self, x: float, y: float, width: float, height: float, color: RGBA) -> None:
+    def box(self, x: float, y: float, width: float, height: float, color: RgbaColor) -> None:
         """Add a rectangle on top of the panels."""
         self._items.append(shapes.Rectangle(x, y, width, height, color=color, batch=self.batch, group=self._groups[1]))
 
-    def disc(self, x: float, y: float, radius: float, color: RGBA) -> None:
+    def disc(self, x: float, y: float, radius: float, color: RgbaColor) -> None:
         """Add a disc on top of the panels."""
         self._items.append(shapes.Circle(x, y, radius, color=color, batch=self.batch, group=self._groups[1]))
 
@@ -110,7 +110,7 @@ class HudLayer:
         x: float,
         y: float,
         size: float,
-        color: RGBA = WHITE_TEXT,
+        color: RgbaColor = WHITE_TEXT,
         bold: bool = False,
         anchor: Any = "left",
     ) -> float:

@@ -24,7 +24,7 @@ GROUND_NORMAL_Z = 0.7
 """Contacts whose normal has a larger z component are with the ground; they do not count as a bounce."""
 
 
-class Stroke(NamedTuple):
+class PlayedStroke(NamedTuple):
     """One ball that was putted or thrown."""
 
     player: str

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from minigolf_env.apps.play.aim import Aim
-from minigolf_env.apps.play.stroke import HUMAN_NAME, FloatArray, Stroke, path_to_first_bounce
+from minigolf_env.apps.play.stroke import HUMAN_NAME, FloatArray, PlayedStroke, path_to_first_bounce
 from minigolf_env.courses import Course
 
 MAX_THROW_TIME = 20.0
@@ -38,12 +38,12 @@ class ThrowMode:
         """Return the velocity (3,), m/s, at which a throw launches the ball."""
         return self.top_speed * aim.power * aim.direction
 
-    def strike(self, aim: Aim) -> Stroke:
+    def strike(self, aim: Aim) -> PlayedStroke:
         """Throw the ball."""
         shot = self._world.simulate(self.ball, self.launch_velocity(aim), MAX_THROW_TIME, record=True)
         self.strokes += 1
         status = shot.status.name.lower()
-        return Stroke(HUMAN_NAME, np.asarray(shot.path), np.asarray(shot.times), self.ball, status)
+        return PlayedStroke(HUMAN_NAME, np.asarray(shot.path), np.asarray(shot.times), self.ball, status)
 
     def predict_path(self, aim: Aim) -> FloatArray:
         """Return the path (K, 3), m, to shortly after the first bounce."""
