@@ -46,26 +46,7 @@ class Program:
     """
 
     def __init__(self, name: str, fast: bool = False) -> None:
-        # One #define for each material, for the profile, and for the material of this program.
-        stem = "surface" if name in MATERIAL_NAMES else name
-        defines = "".join(f"#define {material.upper()} {k}\n" for k, material in enumerate(MATERIAL_NAMES))
-        defines += "#define FAST\n" if fast else ""
-        defines += f"#define MATERIAL {name.upper()}\n" if name in MATERIAL_NAMES else ""
-        # Compile both shaders and link them.
-        self.id = GL.glCreateProgram()
-        for kind, suffix in ((GL.GL_VERTEX_SHADER, "vert"), (GL.GL_FRAGMENT_SHADER, "frag")):
-            shader = GL.glCreateShader(kind)
-            GL.glShaderSource(shader, read_shader("common.glsl") + defines + read_shader(f"{stem}.{suffix}"))
-            GL.glCompileShader(shader)
-            if not GL.glGetShaderiv(shader, GL.GL_COMPILE_STATUS):
-                log = GL.glGetShaderInfoLog(shader).decode(errors="replace")
-                raise RenderingError(f"rendering: the OpenGL driver does not compile {stem}.{suffix} ({name}): {log}")
-            GL.glAttachShader(self.id, shader)
-            GL.glDeleteShader(shader)
-        GL.glLinkProgram(self.id)
-        if not GL.glGetProgramiv(self.id, GL.GL_LINK_STATUS):
-            log = GL.glGetProgramInfoLog(self.id).decode(errors="replace")
-            raise RenderingError(f"rendering: the OpenGL driver does not link {name}: {log}")
+        self.id = _build_program(name, fast)
         # Bind the uniform block and the samplers; set the other uniforms to their defaults.
         GL.glUseProgram(self.id)
         block = GL.glGetUniformBlockIndex(self.id, "FrameUniforms")
@@ -90,6 +71,32 @@ class Program:
         """Set the sRGB colour that tints the material, or None for its own colour; the program is in use."""
         if self._tint_location >= 0:
             GL.glUniform4f(self._tint_location, *((*color, 1.0) if color is not None else (0.0, 0.0, 0.0, 0.0)))
+
+
+def _build_program(name: str, fast: bool) -> int:
+    """Return the OpenGL id of a compiled and linked program; arguments and errors as for ``Program``."""
+    # One #define for each material, for the profile, and for the material of this program.
+    stem = "surface" if name in MATERIAL_NAMES else name
+    defines = "".join(f"#define {material.upper()} {k}\n" for k, material in enumerate(MATERIAL_NAMES))
+    defines += "#define FAST\n" if fast else ""
+    defines += f"#define MATERIAL {name.upper()}\n" if name in MATERIAL_NAMES else ""
+    # Compile both shaders.
+    program: int = GL.glCreateProgram()
+    for kind, suffix in ((GL.GL_VERTEX_SHADER, "vert"), (GL.GL_FRAGMENT_SHADER, "frag")):
+        shader = GL.glCreateShader(kind)
+        GL.glShaderSource(shader, read_shader("common.glsl") + defines + read_shader(f"{stem}.{suffix}"))
+        GL.glCompileShader(shader)
+        if not GL.glGetShaderiv(shader, GL.GL_COMPILE_STATUS):
+            log = GL.glGetShaderInfoLog(shader).decode(errors="replace")
+            raise RenderingError(f"rendering: the OpenGL driver does not compile {stem}.{suffix} ({name}): {log}")
+        GL.glAttachShader(program, shader)
+        GL.glDeleteShader(shader)
+    # Link them.
+    GL.glLinkProgram(program)
+    if not GL.glGetProgramiv(program, GL.GL_LINK_STATUS):
+        log = GL.glGetProgramInfoLog(program).decode(errors="replace")
+        raise RenderingError(f"rendering: the OpenGL driver does not link {name}: {log}")
+    return program
 
 
 def read_shader(name: str) -> str:
