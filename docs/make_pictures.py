@@ -16,7 +16,7 @@ from minigolf_env.rendering.gl.offscreen import draw
 from minigolf_env.rendering.replay import Replay
 
 FOLDER = Path(__file__).parent / "pictures"
-SIZE = (960, 540)
+IMAGE_SIZE = (960, 540)
 
 
 def draw_hole_in_one(time: float) -> Image.Image:
@@ -25,9 +25,9 @@ def draw_hole_in_one(time: float) -> Image.Image:
     env.reset(seed=1)
     start = np.array(env.get_state()["position"])
     path, times = env.task.simulate_path(start, env.task.launch_velocity(search(env).action.astype(np.float64)))
-    replay = Replay(env.task.course, path, times, "follow", SIZE[0] / SIZE[1])
+    replay = Replay(env.task.course, path, times, "follow", IMAGE_SIZE[0] / IMAGE_SIZE[1])
     camera, state = replay.view(time)
-    return Image.fromarray(draw(env.task.course, camera, state._replace(lines=(replay.path_line(400),)), SIZE))
+    return Image.fromarray(draw(env.task.course, camera, state._replace(lines=(replay.path_line(400),)), IMAGE_SIZE))
 
 
 def draw_levels(numbers: range, size: tuple[int, int] = (300, 225)) -> Image.Image:
