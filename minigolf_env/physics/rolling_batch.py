@@ -267,6 +267,7 @@ def step_rolling(scene: CompiledScene, batch: RecordArray, count: int) -> int:
         ok &= (lower.z <= end.z) & (end.z <= upper.z)
         ok &= (slots["active"][i] != 0) & (slots["steps_done"][i] < slots["steps_left"][i])
 
+        # Move the ball if all of this holds; else leave it where it is, inactive.
         store_column(slots["p"], i, select(ok, end, p))
         store_column(slots["v"], i, select(ok, mul_add(w, dt, net), v))
         slots["active"][i] = ok
