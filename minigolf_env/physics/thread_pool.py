@@ -33,14 +33,14 @@ def parallel_for(run: Callable[..., None], n: int, *arguments: Any) -> None:
     compilation. The threads are kept, since starting them takes as long as a thousand balls at rest. After an
     interrupt, such as Ctrl-C, no further chunk starts.
     """
-    num_threads = _num_threads()
-    is_serial = min(num_threads, n) <= 1
-    if is_serial and n <= MAX_CHUNK_SIZE:
+    if n <= 1:
         run(0, n, *arguments)
         return
-    num_chunks = max(1 if is_serial else min(n, CHUNKS_PER_THREAD * num_threads), math.ceil(n / MAX_CHUNK_SIZE))
+    num_threads = _num_threads()
+    num_chunks = 1 if num_threads == 1 else min(n, CHUNKS_PER_THREAD * num_threads)
+    num_chunks = max(num_chunks, math.ceil(n / MAX_CHUNK_SIZE))
     chunks = list(pairwise(np.linspace(0, n, num_chunks + 1).astype(int).tolist()))
-    if is_serial:
+    if num_threads == 1:
         for first, last in chunks:
             run(first, last, *arguments)
         return
