@@ -159,7 +159,8 @@ def merge_shards(config: PuttMapConfig, course: Course, folder: Path) -> Arrays:
     seconds = np.zeros(())
     for shard in shard_ranges(config):
         with np.load(shard_path(folder, shard)) as file:
-            result, position = file["result"], file["position"]
+            result = file["result"]
+            position = file["position"]
             seconds += file["seconds"]
         counts += np.bincount(result.ravel(), minlength=len(Result))
         rest = position[result == Result.REST][:, :2]

@@ -10,7 +10,7 @@ from pathlib import Path
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 
-from agents.training_run import CONSOLE, TrainConfig, load_checkpoint
+from agents.training_run import RICH_CONSOLE, TrainConfig, load_checkpoint
 from minigolf_env._atomic_io import atomic_write, write_text
 from minigolf_env.evaluation.evaluate import EvaluationResult, evaluate
 from minigolf_env.evaluation.report import print_evaluations, write_json_report
@@ -65,7 +65,7 @@ class EvaluationHistory:
         """Store and print an evaluation."""
         self.rows.append(row)
         write_text(self._path, json.dumps(self.rows))
-        CONSOLE.print(
+        RICH_CONSOLE.print(
             f"{row['timesteps']:>10,} time steps: {row['strokes']:.2f} strokes, {row['holed']:.0%} holed, "
             f"{row['hole_in_one']:.0%} holes-in-one (best {self.best_strokes:.2f})"
         )
@@ -146,9 +146,9 @@ def finish_run(
     write_json_report(folder / "scores.json", "stable-baselines3", "torch", scores=record)
     for table in tables:
         print_evaluations(table)
-    CONSOLE.print(f"{time.monotonic() - started:.0f} s in all. Log: tensorboard --logdir {folder}", soft_wrap=True)
+    RICH_CONSOLE.print(f"{time.monotonic() - started:.0f} s in all. Log: tensorboard --logdir {folder}", soft_wrap=True)
     if config.observation != "pixels":  # Only stable-baselines3 reads files of convolutional networks.
         difficulty = "" if config.difficulty is None else f" --difficulty {config.difficulty}"
         command = f"minigolf video --policy {model_path} --course {config.course}{difficulty} -o putt.mp4"
-        CONSOLE.print(f"Watch it play: {command}", soft_wrap=True)
+        RICH_CONSOLE.print(f"Watch it play: {command}", soft_wrap=True)
     return scores

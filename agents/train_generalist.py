@@ -16,7 +16,6 @@ model with search on fixed sets of levels. docs/training.md says what it reaches
 from __future__ import annotations
 
 import itertools
-import math
 import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -31,30 +30,19 @@ from rich.progress import MofNCompleteColumn, Progress
 from stable_baselines3.common.logger import configure
 from torch.nn.functional import binary_cross_entropy_with_logits, mse_loss, softplus
 
+from agents.putt_collector import PuttCollector
 from agents.run_evaluation import EVALUATION_METRICS, EvaluationHistory, finish_run
-from agents.training_run import CONSOLE, TrainConfig, make_vector_env, save_on_interrupt, start_run
+from agents.training_run import RICH_CONSOLE, TrainConfig, make_vector_env, save_on_interrupt, start_run
 from minigolf_env._atomic_io import atomic_write
 from minigolf_env.courses.procedural import PROCEDURAL_COURSE
-from minigolf_env.envs.rewards import shaping_potential
-from minigolf_env.envs.task import TaskBatch
 from minigolf_env.evaluation.evaluate import EvaluationResult
 from minigolf_env.players.mlp import MLP, Layer
 from minigolf_env.players.model_files import check_torch_file, load_model, save_model
 from minigolf_env.players.policies import ModelPolicy
-from minigolf_env.players.putt_features import MAX_ROLL, NUM_FEATURES, REFLECTION_SIGNS, putt_actions, putt_features
-from minigolf_env.players.putt_optimizer import MIN_ROLL, TRAINING_PUTT_GRID, BestPutts, optimize_putt
+from minigolf_env.players.putt_features import NUM_FEATURES, REFLECTION_SIGNS
 from minigolf_env.players.putt_value_model import PuttValueModel
 
 Array = NDArray[np.float32]
-
-RANDOM_ROLL_RANGE = (0.4, MAX_ROLL)
-"""Range of the roll of random candidates, m; log-uniform."""
-
-DIRECTION_STD_RANGE = (0.003, 0.3)
-"""Range of the standard deviation of the direction of candidates close to the greedy one, radians; log-uniform."""
-
-LOG_ROLL_STD_RANGE = (0.01, 0.5)
-"""Range of the standard deviation of the logarithm of their roll; log-uniform."""
 
 
 @dataclass(frozen=True)
@@ -134,7 +122,7 @@ class ReplayBuffer:
 
 
 class QLearner:
-    """The Q-network with its optimizer, replay buffer and environments.
+    """The Q-network with its optimizer, replay buffer and collector.
 
     Args:
         config: configuration of the run.
@@ -154,11 +142,16 @@ class QLearner:
         elif config.init_weights is not None:
             self.load_weights(config.init_weights)
         self.last_saved = self.num_timesteps
-        # Acting and learning run at the same time: each has a generator. A resumed run draws other levels.
-        self.rng, buffer_rng = np.random.default_rng((config.seed, self.num_timesteps)).spawn(2)
+        # Collecting and learning run at the same time, each with a generator. A resumed run draws other levels.
+        collector_rng, buffer_rng = np.random.default_rng((config.seed, self.num_timesteps)).spawn(2)
         self.buffer = ReplayBuffer(config.buffer_size, buffer_rng)
-        self.envs: list[Any] = [make_vector_env(config, task) for task in config.training_tasks]
-        self.observations = [envs.reset(seed=int(self.rng.integers(2**31)))[0] for envs in self.envs]
+        self.collector = PuttCollector(
+            [make_vector_env(config, task) for task in config.training_tasks],
+            collector_rng,
+            num_candidates=config.num_candidates,
+            greedy_prob=config.greedy_prob,
+            putt_noise=config.putt_noise,
+        )
         self.logger = configure(str(folder / "log"), ["tensorboard"])
 
     @property
@@ -207,75 +200,19 @@ class QLearner:
         A second thread collects the next putts while the network learns from the ones before.
         """
         config = self.config
-        bar = Progress(*Progress.get_default_columns(), MofNCompleteColumn(), console=CONSOLE)
+        bar = Progress(*Progress.get_default_columns(), MofNCompleteColumn(), console=RICH_CONSOLE)
         with ThreadPoolExecutor(1) as executor, bar:
             bar_task = bar.add_task("time steps", total=config.total_timesteps, completed=self.num_timesteps)
-            collected = executor.submit(self.collect, self.q_function)
+            collected = executor.submit(self.collector.collect, self.q_function)
             while self.num_timesteps < config.total_timesteps:
                 features, targets = collected.result()
                 self.buffer.add(features, targets)
-                collected = executor.submit(self.collect, self.q_function)
+                collected = executor.submit(self.collector.collect, self.q_function)
                 self.update(round(len(features) * config.replay_ratio / config.batch_size))
                 self.num_timesteps += len(features)
                 bar.update(bar_task, completed=self.num_timesteps)
                 if self.num_timesteps - self.last_saved >= config.eval_freq:
                     self.save_and_evaluate()
-
-    def collect(self, q_function: PuttValueModel) -> tuple[Array, Array]:
-        """Simulate candidates from all balls and play one of each ball's.
-
-        Returns:
-            The features (N, NUMBERS) of all candidates and their targets (N, 2): whether the putt holes out, and the
-            strokes that remain if it does not, as the potential of the shaped reward estimates them.
-        """
-        parts = [self.collect_from_batch(q_function, k) for k in range(len(self.envs))]
-        features, targets = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
-        return features, targets
-
-    def collect_from_batch(self, q_function: PuttValueModel, k: int) -> tuple[Array, Array]:
-        """Do the same in batch ``k`` of the environments."""
-        config, rng = self.config, self.rng
-        envs = self.envs[k].unwrapped
-        observations = self.observations[k]
-
-        # Simulate the candidates.
-        directions, rolls = self.propose_candidates(
-            optimize_putt(observations, q_function.expected_strokes, TRAINING_PUTT_GRID, rng)
-        )
-        outcome = envs.what_if(putt_actions(*self.add_putt_noise(directions, rolls)))
-        tasks: TaskBatch = envs.task_batch
-        remaining = -shaping_potential(tasks, outcome.position.swapaxes(0, 1)).T
-
-        # Play one candidate of each ball: the greedy one, which is the first, or a random one.
-        candidates = rng.integers(config.num_candidates, size=len(observations))
-        is_greedy = rng.random(len(observations)) < config.greedy_prob
-        played = np.arange(len(observations)), np.where(is_greedy, 0, candidates)
-        self.observations[k] = envs.step(putt_actions(directions[played], rolls[played]))[0]
-
-        features = putt_features(observations, directions, rolls[..., None])
-        targets = np.stack([outcome.holed, remaining], -1, dtype=np.float32)
-        return features.reshape(-1, NUM_FEATURES), targets.reshape(-1, 2)
-
-    def propose_candidates(self, greedy: BestPutts) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return directions and rolls (N, num_candidates): the greedy putt, then half close to it, the rest random."""
-        rng = self.rng
-        shape = len(greedy.roll), self.config.num_candidates
-        direction_noise = log_uniform(rng, DIRECTION_STD_RANGE, shape) * rng.normal(size=shape)
-        log_roll_noise = log_uniform(rng, LOG_ROLL_STD_RANGE, shape) * rng.normal(size=shape)
-        index = np.broadcast_to(np.arange(self.config.num_candidates), shape)
-        is_close = index <= self.config.num_candidates // 2
-        directions = greedy.direction[:, None] + direction_noise * (index > 0)
-        rolls = np.clip(greedy.roll[:, None] * np.exp(log_roll_noise * (index > 0)), MIN_ROLL, MAX_ROLL)
-        random_rolls = log_uniform(rng, RANDOM_ROLL_RANGE, shape)
-        random_directions = rng.uniform(0.0, 2.0 * np.pi, shape)
-        return np.where(is_close, directions, random_directions), np.where(is_close, rolls, random_rolls)
-
-    def add_putt_noise(self, directions: NDArray[Any], rolls: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
-        """Return putts with the noise of ``putt_noise``, which ``what_if`` does not add."""
-        degrees, speed_std = self.config.putt_noise
-        direction_noise, speed_noise = self.rng.normal(size=(2, *rolls.shape))
-        speed_factors = np.maximum(0.0, 1.0 + speed_std * speed_noise)
-        return directions + np.radians(degrees) * direction_noise, rolls * np.square(speed_factors)
 
     def update(self, num_updates: int) -> None:
         """Take gradient steps on batches from the replay buffer."""
@@ -327,12 +264,6 @@ def make_mlp(sizes: tuple[int, ...]) -> torch.nn.Sequential:
     """Return a multilayer perceptron with ReLU between its layers."""
     layers = [(torch.nn.Linear(*pair), torch.nn.ReLU()) for pair in itertools.pairwise(sizes)]
     return torch.nn.Sequential(*list(itertools.chain(*layers))[:-1])
-
-
-def log_uniform(rng: np.random.Generator, bounds: tuple[float, float], shape: tuple[int, ...]) -> NDArray[np.float64]:
-    """Return random numbers whose logarithms are uniform."""
-    low, high = bounds
-    return np.exp(rng.uniform(math.log(low), math.log(high), shape))
 
 
 def main(config: GeneralistConfig) -> list[EvaluationResult]:

@@ -20,7 +20,7 @@ from stable_baselines3.common.vec_env import VecMonitor
 
 from agents.run_evaluation import EvalCheckpointCallback, finish_run, load_best
 from agents.training_run import (
-    CONSOLE,
+    RICH_CONSOLE,
     TrainConfig,
     initialize_model,
     make_sb3_envs,
@@ -183,7 +183,9 @@ def train_until_learned(config: PPOConfig) -> list[EvaluationResult]:
         is_last = run + 1 == config.max_runs or config.resume is not None
         if is_last or excess <= MAX_STROKES_ABOVE_SEARCH:
             break
-        CONSOLE.print(f"Seed {seed} got stuck {excess:.2f} strokes above search: starting again with seed {seed + 1}.")
+        RICH_CONSOLE.print(
+            f"Seed {seed} got stuck {excess:.2f} strokes above search: starting again with seed {seed + 1}."
+        )
     return scores
 
 

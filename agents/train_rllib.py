@@ -28,7 +28,7 @@ from stable_baselines3.common.logger import configure
 from agents.cluster import connect, import_ray
 from agents.run_evaluation import EvalCheckpointCallback, finish_run
 from agents.train_ppo import PPOHyperparameters
-from agents.training_run import CONSOLE, save_on_interrupt, start_run
+from agents.training_run import RICH_CONSOLE, save_on_interrupt, start_run
 from minigolf_env._atomic_io import commit
 from minigolf_env.courses import load_course
 from minigolf_env.courses.procedural import PROCEDURAL_COURSE
@@ -134,7 +134,7 @@ class RLlibTrainer(EvalCheckpointCallback):
     def learn(self) -> None:
         """Sample and learn until ``total_timesteps`` putts are played."""
         total = self.config.total_timesteps
-        with Progress(*Progress.get_default_columns(), MofNCompleteColumn(), console=CONSOLE) as bar:
+        with Progress(*Progress.get_default_columns(), MofNCompleteColumn(), console=RICH_CONSOLE) as bar:
             bar_task = bar.add_task("time steps", total=total, completed=self.num_timesteps)
             while self.num_timesteps < total:
                 results = self.algorithm.train()["env_runners"]

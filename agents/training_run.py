@@ -1,4 +1,4 @@
-"""What the sample training programs share: configuration, run folder, environments, interruption and resumption.
+"""Shared parts of the sample training programs: configuration, run folder, environments, interruption, resumption.
 
 A run folder contains
 
@@ -35,7 +35,8 @@ from agents.sb3_vec_env import SB3VecEnv
 from minigolf_env._atomic_io import remove_stale_temps, write_text
 from minigolf_env.players.model_files import check_sb3_file
 
-CONSOLE = Console()
+RICH_CONSOLE = Console()
+"""Console of all output, so that it does not break the progress bars."""
 
 
 @dataclass(frozen=True)

@@ -95,9 +95,9 @@ def test_q_function_learns_which_putts_hole_out(tmp_path: Path) -> None:
     )
     learner = QLearner(config, tmp_path)
     for _ in range(100):
-        learner.buffer.add(*learner.collect(learner.q_function))
+        learner.buffer.add(*learner.collector.collect(learner.q_function))
         learner.update(4)
-    features, targets = learner.collect(learner.q_function)
+    features, targets = learner.collector.collect(learner.q_function)
     logits = learner.net(torch.from_numpy(features))[:, 0].detach().numpy()
     holed = targets[:, 0] > 0.0
     assert holed.any() and logits[holed].mean() > logits[~holed].mean() + 1.0
