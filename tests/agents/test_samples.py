@@ -1,4 +1,4 @@
-"""The sample programs for SAC and images on tiny budgets, beside PPO where a law holds for all."""
+"""The sample programs for SAC and images on tiny budgets, with PPO where a law holds for all."""
 
 from __future__ import annotations
 
