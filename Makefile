@@ -3,7 +3,7 @@
 
 PYTHON ?= python3
 VENV ?= .venv
-# The Ray programs have an environment of their own, as Ray pins another gymnasium.
+# The Ray programs have a separate environment, as Ray pins another gymnasium.
 VENV_DISTRIBUTED ?= .venv-distributed
 # Test processes; 0 runs the tests in one (for a debugger: make test WORKERS=0 ARGS="--pdb").
 WORKERS ?= 2

@@ -1,4 +1,4 @@
-"""Sessions that need environments of their own: tests of every supported Python and Gymnasium, and the release files.
+"""Sessions that need separate environments: tests of every supported Python and Gymnasium, and the release files.
 
 ``make test-all`` runs the tests, ``make release`` writes the release files. Without a Python, its sessions are
 skipped; those of pyenv are found after ``pyenv shell 3.11 3.12 3.13``.
@@ -15,27 +15,27 @@ import nox
 nox.needs_version = ">=2025.5"
 nox.options.default_venv_backend = "venv"
 
-PINS = {"1.4": "constraints.txt", "1.2": "constraints-distributed.txt"}
+CONSTRAINTS_FILES = {"1.4": "constraints.txt", "1.2": "constraints-distributed.txt"}
 """File of the tested versions, for each Gymnasium."""
 
-WITH_LEARNING = ("agents", "clients", "distributed", "test_benchmarks.py", "test_notebooks.py")
+LEARNING_TESTS = ("agents", "clients", "distributed", "test_benchmarks.py", "test_notebooks.py")
 """Tests that need torch, stable-baselines3 or Ray; ``make test`` and ``make test-distributed`` run them."""
 
-EXTRAS = ("agents", "dev", "docs")
+PINNED_EXTRAS = ("agents", "dev", "docs")
 """Extras whose packages constraints.txt pins."""
 
-LOCK = "requirements.lock"
+LOCK_FILE = "requirements.lock"
 """Name of the lock file in dist/."""
 
-WITHOUT_LEARNING = tuple(f"--ignore=tests/{name}" for name in WITH_LEARNING)
+IGNORE_LEARNING_TESTS = tuple(f"--ignore=tests/{name}" for name in LEARNING_TESTS)
 
 
 @nox.session(python=["3.11", "3.12", "3.13"])
-@nox.parametrize("gymnasium", list(PINS))
+@nox.parametrize("gymnasium", list(CONSTRAINTS_FILES))
 def core(session: nox.Session, gymnasium: str) -> None:
     """Test all but the training programs."""
-    session.install("--constraint", PINS[gymnasium], "--editable", ".[dev]")
-    session.run("pytest", *WITHOUT_LEARNING, *session.posargs)
+    session.install("--constraint", CONSTRAINTS_FILES[gymnasium], "--editable", ".[dev]")
+    session.run("pytest", *IGNORE_LEARNING_TESTS, *session.posargs)
 
 
 @nox.session(python="3.11")
@@ -51,12 +51,12 @@ def package(session: nox.Session, kind: str) -> None:
     for name in ("tests", "tools", "agents", "docs", "benchmarks", "notebooks"):
         shutil.copytree(name, folder / name, dirs_exist_ok=True)
     pages = ("README.md", "CHANGELOG.md", "CITATION.cff", "CONTRIBUTING.md", "SECURITY.md", "mkdocs.yml")
-    for name in ("pyproject.toml", "Makefile", *pages, *PINS.values()):
+    for name in ("pyproject.toml", "Makefile", *pages, *CONSTRAINTS_FILES.values()):
         shutil.copy(name, folder)
     session.chdir(folder)
     session.run("minigolf", "evaluate", "--policy", "ppo", "--episodes", "10")
     session.run(
-        "pytest", *WITHOUT_LEARNING, "--ignore=tests/tools", *session.posargs
+        "pytest", *IGNORE_LEARNING_TESTS, "--ignore=tests/tools", *session.posargs
     )  # tests/tools mutates the sources.
     session.run("pip", "uninstall", "--yes", "minigolf-env")
     session.run(
@@ -81,14 +81,14 @@ def release(session: nox.Session) -> None:
     ((first,), (second,)) = (list(folder.glob("*.whl")) for folder in (dist, clone / "dist"))
     if first.read_bytes() != second.read_bytes():
         session.error(f"{first} and {second} differ: commit all changes, or find what depends on time or place.")
-    extras = [word for extra in EXTRAS for word in ("--extra", extra)]
+    extras = [word for extra in PINNED_EXTRAS for word in ("--extra", extra)]
     options = ["--universal", "--python-version", "3.11.5", "--generate-hashes", "--no-emit-index-url", "--no-header"]
-    lock = ["--constraint", "constraints.txt", *extras, "pyproject.toml", "--output-file", str(dist / LOCK)]
+    lock = ["--constraint", "constraints.txt", *extras, "pyproject.toml", "--output-file", str(dist / LOCK_FILE)]
     session.run("uv", "pip", "compile", "--quiet", "--no-annotate", *options, *lock)
-    check_lock((dist / LOCK).read_text())
+    check_lock((dist / LOCK_FILE).read_text())
     tested = Path(session.create_tmp()).resolve() / "tested"
     session.run("python", "-m", "venv", "--clear", str(tested))
-    target = f".[{','.join(EXTRAS)}]"
+    target = f".[{','.join(PINNED_EXTRAS)}]"
     session.run(f"{tested}/bin/pip", "install", "--quiet", "--constraint", "constraints.txt", target, external=True)
     bom = ["--output-reproducible", "--pyproject", "pyproject.toml", "--mc-type", "library", "--short-PURLs"]
     session.run("cyclonedx-py", "environment", *bom, "--output-file", str(dist / "sbom.cdx.json"), str(tested))
@@ -102,13 +102,13 @@ def check_lock(text: str) -> None:
     pins = re.findall(r"^[\w.-]+==\S+", Path("constraints.txt").read_text(), flags=re.MULTILINE)
     missing = {pin.lower().replace("_", "-") for pin in pins} - locked
     if missing or not all("--hash=sha256:" in entry for entry in entries) or "://" in text:
-        raise ValueError(f"{LOCK}: expected all pins with hashes and no addresses; missing: {sorted(missing)}")
+        raise ValueError(f"{LOCK_FILE}: expected all pins with hashes and no addresses; missing: {sorted(missing)}")
 
 
 @nox.session(python="3.11", default=False)
 def licences(session: nox.Session) -> None:
     """Write docs/licences.md, after a change of constraints.txt."""
-    session.install("--constraint", "constraints.txt", "--editable", f".[{','.join(EXTRAS)}]")
+    session.install("--constraint", "constraints.txt", "--editable", f".[{','.join(PINNED_EXTRAS)}]")
     session.run("python", "-m", "venv", "--clear", tools := str(Path(session.create_tmp()).resolve() / "tools"))
     session.run(f"{tools}/bin/pip", "install", "--quiet", "pip-licenses", external=True)
     table = ["--format", "markdown", "--from", "mixed", "--with-system", "--ignore-packages", "minigolf-env", "pip"]

@@ -66,3 +66,11 @@ def test_installed_version_equals_the_source_version() -> None:
 def test_package_is_typed() -> None:
     """Type checkers of dependent projects read the package's annotations (PEP 561)."""
     assert (Path(minigolf_env.__file__).parent / "py.typed").is_file()
+
+
+def test_search_is_importable_from_its_stable_path() -> None:
+    """``minigolf_env.planning.search`` is the function of ``minigolf_env.players.search``."""
+    from minigolf_env import planning
+    from minigolf_env.players import search
+
+    assert planning.search is search.search
