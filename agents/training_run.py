@@ -33,6 +33,7 @@ from stable_baselines3.common.vec_env import VecMonitor
 
 from agents.sb3_vec_env import SB3VecEnv
 from minigolf_env._atomic_io import remove_stale_temps, write_text
+from minigolf_env.evaluation import FIRST_EVALUATION_SEED
 from minigolf_env.players.model_files import check_sb3_file
 
 RICH_CONSOLE = Console()
@@ -48,7 +49,7 @@ class TrainConfig:
     difficulty: str | None = None
     """Difficulty of generated levels: easy, medium or hard."""
     num_levels: int | None = None
-    """Number of generated levels to train on, from level 0; evaluations use other levels."""
+    """Number of generated levels to train on, from level 0 (at most 1,000,000); evaluations use other levels."""
     observation: str = "state"
     """Observation of the environment: state, rays, bounce_rays or pixels."""
     reward: str = "shaped"
@@ -74,7 +75,7 @@ class TrainConfig:
     n_eval_episodes: int = 500
     """Number of episodes in the evaluation of a checkpoint."""
     eval_seed: int = 2_000_000
-    """First seed, or first level, of these episodes; the closing table uses others."""
+    """First seed, or first level, of these episodes; the final evaluation uses those from 1,000,000 on."""
     n_test_episodes: int = 1000
     """Number of episodes in the closing table; random play, which is slow, gets a tenth of them."""
     n_search_episodes: int = 30
@@ -119,15 +120,28 @@ def start_run(config: Config) -> tuple[Config, Path]:
 
 def validate_config(config: TrainConfig) -> None:
     """Raise SystemExit with a one-line message if an argument is invalid, before any file is written."""
-    if config.n_test_episodes < 1:
-        raise SystemExit(f"n_test_episodes: expected at least 1, received {config.n_test_episodes}.")
-    if config.num_levels is not None and not 0 < config.num_levels <= config.eval_seed:
+    # Check the numbers; training, checkpoints and the final evaluation use different levels.
+    for name in ("n_eval_episodes", "n_test_episodes"):
+        if getattr(config, name) < 1:
+            raise SystemExit(f"{name}: expected at least 1, received {getattr(config, name)}.")
+    max_levels = min(config.eval_seed, FIRST_EVALUATION_SEED)
+    if config.num_levels is not None and not 0 < config.num_levels <= max_levels:
         raise SystemExit(
-            f"num_levels: expected 1 to {config.eval_seed}, received {config.num_levels}; "
+            f"num_levels: expected 1 to {max_levels}, received {config.num_levels}; "
             "the levels from there on are for evaluation."
         )
+    eval_seeds = range(config.eval_seed, config.eval_seed + config.n_eval_episodes)
+    test_seeds = range(FIRST_EVALUATION_SEED, FIRST_EVALUATION_SEED + config.n_test_episodes)
+    if eval_seeds[-1] >= test_seeds[0] and eval_seeds[0] <= test_seeds[-1]:
+        raise SystemExit(
+            f"eval_seed: expected episodes apart from those of the final evaluation, {test_seeds[0]} to "
+            f"{test_seeds[-1]}, received {eval_seeds[0]} to {eval_seeds[-1]}."
+        )
+    # Check the model file and the arguments of the environments.
     if config.init_weights is not None and not config.init_weights.is_file():
-        raise SystemExit(f"init_weights: expected a model's .zip file, there is none at {config.init_weights}.")
+        raise SystemExit(
+            f"init_weights: expected a model file of the same program, found no file {config.init_weights}."
+        )
     try:
         for task in config.eval_tasks:
             make_vector_env(dataclasses.replace(config, n_envs=1), task).close()

@@ -18,6 +18,7 @@ from tqdm import tqdm
 from benchmarks.report import print_table
 from minigolf_env.courses.procedural import DIFFICULTY_NAMES
 from minigolf_env.envs import MiniGolfEnv
+from minigolf_env.evaluation import FIRST_EVALUATION_SEED
 from minigolf_env.evaluation.report import format_with_interval
 from minigolf_env.evaluation.statistics import mean_interval
 from minigolf_env.players.policies import RandomPolicy
@@ -75,7 +76,7 @@ def play_episodes(env: MiniGolfEnv, planner: Planner, episodes: list[dict[str, A
 def main(args: Args) -> None:
     """Print a table of the default hole and a table of levels."""
     columns = ["", "strokes [95 %]", "holes-in-one", "most", "putts tried a plan", "CPU ms a plan"]
-    seeds = [{"seed": 1_000_000 + i} for i in range(args.episodes)]
+    seeds = [{"seed": FIRST_EVALUATION_SEED + i} for i in range(args.episodes)]
     plain = MiniGolfEnv()
     noisy = MiniGolfEnv(putt_noise=args.noise)
     plain.reset(seed=0)

@@ -12,6 +12,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Annotated
 
+from minigolf_env.evaluation import FIRST_EVALUATION_SEED
+
 if TYPE_CHECKING:
     import tyro
 
@@ -177,7 +179,7 @@ def evaluate(
     course: str = "dogleg",
     difficulty: str | None = None,
     episodes: int = 100,
-    first_seed: int = 1_000_000,
+    first_seed: int = FIRST_EVALUATION_SEED,
     max_strokes: int = 10,
     putt_noise: tuple[float, float] = (0.0, 0.0),
     watch: bool = False,

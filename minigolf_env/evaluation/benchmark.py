@@ -12,15 +12,13 @@ from tqdm import tqdm
 from minigolf_env._validation import one_of
 from minigolf_env.courses.procedural import DIFFICULTY_NAMES, PROCEDURAL_COURSE
 from minigolf_env.envs import MiniGolfEnv, MiniGolfVectorEnv
+from minigolf_env.evaluation import FIRST_EVALUATION_SEED
 from minigolf_env.evaluation.rollout import EpisodeResult, run_episode, run_episodes_batched, search_strokes
 from minigolf_env.evaluation.statistics import Interval, mean_interval, ratio_interval, wilson_interval
 from minigolf_env.players.policies import BatchPolicy, Policy, load_policy
 
 FIRST_TRAINING_LEVEL = 0
 """Number of the first training level."""
-
-FIRST_HELD_OUT_LEVEL = 1_000_000
-"""Number of the first held-out level: far beyond the levels that anyone trains on, which start at 0."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +85,7 @@ def benchmark(
             "tee": "fixed",
             "observation": observation,
         }
-        for set_name, first in (("train", FIRST_TRAINING_LEVEL), ("held out", FIRST_HELD_OUT_LEVEL)):
+        for set_name, first in (("train", FIRST_TRAINING_LEVEL), ("held out", FIRST_EVALUATION_SEED)):
             policy = load_policy(name, seed)  # A new one: a set's scores do not depend on the sets before it.
             yield _evaluate_set(policy, set_name, range(first, first + levels), env_args)
 

@@ -14,12 +14,10 @@ from minigolf_env._validation import one_of
 from minigolf_env.courses.procedural import DIFFICULTY_NAMES, PROCEDURAL_COURSE
 from minigolf_env.envs import MiniGolfEnv, MiniGolfVectorEnv, round_reset_options
 from minigolf_env.envs.samplers import LevelSampler
+from minigolf_env.evaluation import FIRST_EVALUATION_SEED
 from minigolf_env.evaluation.rollout import EpisodeResult, run_episode, run_episodes_batched
 from minigolf_env.evaluation.statistics import Interval, mean_interval, wilson_interval
 from minigolf_env.players.policies import BatchPolicy, Policy
-
-FIRST_EVALUATION_SEED = 1_000_000
-"""Default seed, or level, of the first episode: far from those that training uses."""
 
 MAX_BATCH_EPISODES = 4096
 """Largest number of episodes played at once in one batch."""

@@ -204,7 +204,11 @@ def test_rejects_folder_that_cannot_be_created(tmp_path: Path) -> None:
         ({"difficulty": "medium"}, "difficulty"),
         ({"reward": "none"}, "reward"),
         ({"n_test_episodes": 0}, "n_test_episodes"),
-        ({"course": "procedural", "num_levels": 3_000_000}, "num_levels"),
+        ({"n_eval_episodes": 0}, "n_eval_episodes"),
+        ({"course": "procedural", "num_levels": 1_000_001}, "num_levels: expected 1 to 1000000"),
+        ({"course": "procedural", "num_levels": 501, "eval_seed": 500}, "num_levels: expected 1 to 500"),
+        ({"eval_seed": 1_000_001}, "eval_seed"),
+        ({"eval_seed": 999_999}, "eval_seed"),
     ],
     ids=str,
 )
