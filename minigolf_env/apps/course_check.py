@@ -104,7 +104,7 @@ def _play_errors(course: Course) -> Iterator[str]:
         _, _, done, _, info = env.step(search(env).action)
     if not info["is_success"]:
         yield (
-            f"cup: expected search to hole out within {MAX_SEARCH_STROKES} strokes, received no such putts; "
+            f"cup: search did not hole out within {MAX_SEARCH_STROKES} strokes; "
             "open a way to the cup, or raise top_speed."
         )
     yield from _trap_errors(env)
@@ -127,8 +127,8 @@ def _trap_errors(env: MiniGolfEnv) -> Iterator[str]:
         moved = np.linalg.norm(escapes.position - place, axis=1)
         if not escapes.holed.any() and moved.max() < 2.0 * env.task.course.ball_radius:
             yield (
-                f"trap: expected a way out of {place.round(3).tolist()}, received none in {NUM_ESCAPE_PUTTS} putts; "
-                "close that spot."
+                f"trap: the ball can reach {place.round(3).tolist()}, but none of {NUM_ESCAPE_PUTTS} random putts "
+                "moved it away; close that spot."
             )
             return
 

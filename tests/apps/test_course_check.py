@@ -35,7 +35,7 @@ def test_finds_errors_of_tee_and_cup() -> None:
     assert "expected free space over it" in errors(hole().add("box", at=(2.5, 0.5, 0.06), size=(0.3, 0.3, 0.1)))
     walls = [{"box": (1.9, -0.05, 2.0, 1.05)}]
     walled = hole().add("block", outline=walls, top=1.9)
-    assert "expected search to hole out within 10 strokes" in errors(walled)
+    assert "search did not hole out within 10 strokes" in errors(walled)
     no_floor = CourseBuilder("x", tee=(3.3, 0.5), cup=(2.5, 0.5, 0.0), bounds=((-1, -1, -1), (4, 2, 2)))
     assert "expected a floor below" in errors(no_floor.add("lane", outline=LANE_OUTLINE, border=0))
 

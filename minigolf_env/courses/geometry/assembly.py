@@ -58,8 +58,8 @@ def assemble_course(
         raise
     except Exception as error:  # Geometry libraries raise errors of many kinds on degenerate outlines.
         raise CourseError(
-            f"course {file.name!r}: expected shapes with an area, received some that {type(error).__name__} "
-            f"arises from: {error}; simplify them."
+            f"course {file.name!r}: its geometry cannot be built: {type(error).__name__}: {error}; "
+            "simplify its outlines and meshes, and make sure that each has an area or a volume."
         ) from error
 
 
@@ -82,19 +82,20 @@ def _assemble(file: CourseFile, load_mesh: Callable[[str], Trimesh], limits: Lim
             cup.check_ball_fits(file.ball_radius)
         tee = _build_tee(file.tee)
         parts = tuple(_build_parts(file, cup, load_mesh, limits))
-        route = () if cup is None else (tee.centre, *file.route, cup.position[:2])
-        return Course(
-            name=file.name,
-            parts=parts,
-            tee=tee,
-            cup=cup,
-            par=file.par,
-            bounds=file.bounds or _default_bounds(file, parts),
-            route=route,
-            top_speed=file.top_speed,
-            ball_radius=file.ball_radius,
-            gravity=file.gravity,
-        )
+        bounds = file.bounds or _default_bounds(file, parts)
+    # A Course names itself in its errors.
+    return Course(
+        name=file.name,
+        parts=parts,
+        tee=tee,
+        cup=cup,
+        par=file.par,
+        bounds=bounds,
+        route=() if cup is None else (tee.centre, *file.route, cup.position[:2]),
+        top_speed=file.top_speed,
+        ball_radius=file.ball_radius,
+        gravity=file.gravity,
+    )
 
 
 def _build_tee(tee: TeeRecord) -> Tee:
@@ -151,7 +152,7 @@ def make_part(
     inwards: bool = False,
     color: Color | None = None,
 ) -> Part:
-    """Return a solid as a Part of a course; ``inwards``: the ball is inside it.
+    """Return a solid as a Part of a course; ``inwards``: the ball is inside it. Messages do not name the part.
 
     Raises:
         CourseError: the solid is not closed, is wound inconsistently, or has no volume.
@@ -160,8 +161,8 @@ def make_part(
     mesh = TriangleMesh(solid.vertices, faces, surface, name=name)
     if mesh.two_sided or not abs(mesh.volume) > 0.0:
         raise CourseError(
-            f"part {name!r}: expected a closed solid, received {solid!r} that is open, wound inconsistently or without "
-            "volume; close its holes, keep outlines simple and parts apart."
+            f"expected a closed solid, received {solid!r} that is open, wound inconsistently or without volume; "
+            "close its holes, keep outlines simple and parts apart."
         )
     return Part(name, mesh, material, color)
 

@@ -1,8 +1,11 @@
 """Binary glTF 2.0 (.glb): named objects with triangles, positions and extra properties.
 
 The reader uses positions, indices, transforms, names and extras only (glTF 2.0, Khronos Group, sections 3.5 to 3.7 and
-4.4). It allocates nothing by the counts in a file: every array is a slice of the file. The y axis of glTF points up:
-(x, y, z) here is (x, z, -y) there, which changes only signs.
+4.4). The y axis of glTF points up: (x, y, z) here is (x, z, -y) there, which changes only signs.
+
+trimesh also reads and writes .glb files, but it stores positions as float32 and allocates arrays by the counts in a
+file. Here the exact float64 vertices are kept in extras, and every array is a slice of the file and within limits, so
+that an untrusted file is safe to read.
 """
 
 from __future__ import annotations
@@ -89,8 +92,9 @@ def read_scene(content: bytes, limits: Limits) -> tuple[list[SceneObject], JsonO
     except CourseError:
         raise
     except (ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError, struct.error) as error:
+        fault = str(error) if isinstance(error, ValueError) else repr(error)
         raise CourseError(
-            f"expected a binary glTF 2.0 file of plain triangles, received one that breaks at {error!r:.200}; "
+            f"expected a binary glTF 2.0 file of plain triangles, received one with a fault: {fault:.200}; "
             "export it as .glb without compression."
         ) from error
 
@@ -109,7 +113,7 @@ class _SceneReader:
     def visit(self, number: int, parent_matrix: FloatArray, depth: int, objects: list[SceneObject]) -> None:
         """Append the object of a node, and those of its children."""
         if number in self.visited or depth > MAX_NODE_DEPTH:
-            raise ValueError(f"node {number}, which is its own child or too deep")
+            raise ValueError(f"node {number} is referenced twice or nested more than {MAX_NODE_DEPTH} deep")
         self.visited.add(number)
         node = self.data["nodes"][number]
         extras = _extras_of(node)
@@ -130,7 +134,7 @@ class _SceneReader:
         for primitive in mesh["primitives"]:
             # Read the corners and their indices.
             if primitive.get("mode", TRIANGLES_MODE) != TRIANGLES_MODE:
-                raise ValueError("a mesh of lines or points")
+                raise ValueError("a mesh consists of lines or points, not of triangles")
             corners = self._read_array(primitive["attributes"]["POSITION"], 3)
             index = np.arange(len(corners))
             if "indices" in primitive:
@@ -138,7 +142,7 @@ class _SceneReader:
             points.append(corners)
             faces.append(index.astype(np.int64).reshape(-1, 3) + num_points)
             if index.size and index.max() >= len(corners):
-                raise ValueError("indices beyond the positions")
+                raise ValueError("a mesh has indices beyond its positions")
             # Check the limits at once: a small file can use the same array again and again.
             num_points += len(corners)
             self.num_corners += len(corners)
@@ -148,7 +152,7 @@ class _SceneReader:
         # Transform the points; a mirrored object is wound the other way around.
         vertices = _y_up_to_z_up(_transform_points(np.concatenate(points), extras, matrix))
         if not np.abs(vertices).max(initial=0.0) <= MAX_COURSE_COORDINATE:
-            raise ValueError(f"positions beyond {MAX_COURSE_COORDINATE:g} m")
+            raise ValueError(f"a mesh has positions beyond {MAX_COURSE_COORDINATE:g} m")
         all_faces = np.concatenate(faces)
         is_mirrored = np.linalg.det(matrix[:3, :3]) < 0.0
         return vertices, all_faces[:, ::-1] if is_mirrored else all_faces
@@ -157,14 +161,15 @@ class _SceneReader:
         """Return a copy of an accessor's array: float32 positions (N, 3), or indices (N,) if ``width`` is 1."""
         # Check that the accessor is one of positions or indices, in this file.
         accessor = self.data["accessors"][number]
-        if "sparse" in accessor or accessor["type"] != ("VEC3" if width == 3 else "SCALAR"):
-            raise ValueError("an accessor of another kind")
+        expected_type = "VEC3" if width == 3 else "SCALAR"
+        if "sparse" in accessor or accessor["type"] != expected_type:
+            raise ValueError(f"accessor {number} is sparse or not of type {expected_type}")
         component = accessor["componentType"]
         is_float = component == FLOAT_COMPONENT
         dtype: np.dtype[Any] = np.dtype("<f4") if width == 3 and is_float else INDEX_DTYPES[component]
         view = self.data["bufferViews"][accessor["bufferView"]]
         if view.get("buffer", 0) != 0 or (width == 3) != is_float:
-            raise ValueError("data outside of the file")
+            raise ValueError(f"accessor {number} refers to another file or has a wrong component type")
         # Check that the array lies within its view, and the view within the file.
         start = view.get("byteOffset", 0)
         length = view["byteLength"]
@@ -174,16 +179,16 @@ class _SceneReader:
         stride = view.get("byteStride", row)
         numbers = (start, length, offset, count, stride)
         if not all(type(value) is int and 0 <= value <= len(self.binary) for value in numbers):
-            raise ValueError("an accessor beyond the file")
+            raise ValueError(f"accessor {number} has a size or an offset beyond the file")
         end_in_view = offset + (count - 1) * stride + row
         if not count or stride < row or end_in_view > length or start + length > len(self.binary):
-            raise ValueError("an accessor beyond its view")
+            raise ValueError(f"accessor {number} is empty, or extends beyond its view or the file")
         # Copy the rows.
-        part = np.frombuffer(self.binary, np.uint8, (count - 1) * stride + row, start + offset)
-        rows = np.lib.stride_tricks.as_strided(part, (count, row), (stride, 1))
+        raw = np.frombuffer(self.binary, np.uint8, (count - 1) * stride + row, start + offset)
+        rows = np.lib.stride_tricks.as_strided(raw, (count, row), (stride, 1))
         array: NDArray[Any] = np.ascontiguousarray(rows).view(dtype)
         if width == 3 and not np.isfinite(array).all():
-            raise ValueError("positions that are not finite")
+            raise ValueError(f"accessor {number} has positions that are not finite")
         return array if width == 3 else array.reshape(-1)
 
 
@@ -191,10 +196,10 @@ def _split_chunks(content: bytes, limits: Limits) -> tuple[JsonObject, bytes]:
     """Return the JSON and the binary chunk of a .glb file."""
     magic, version, length = struct.unpack_from("<4sII", content)
     if magic != b"glTF" or version != 2 or length > len(content):
-        raise ValueError("the header")
+        raise ValueError("the header is not that of a complete glTF 2.0 file")
     size, kind = struct.unpack_from("<I4s", content, 12)
     if kind != b"JSON" or 20 + size > len(content):
-        raise ValueError("the JSON chunk")
+        raise ValueError("the JSON chunk is missing or incomplete")
     limits.check_bytes("JSON in it", size, text=True)
     data = json.loads(content[20 : 20 + size])
     rest = content[20 + size :]
@@ -216,7 +221,7 @@ def _node_matrix(node: JsonObject) -> FloatArray:
         matrix[:3, :3] = matrix[:3, :3] * np.array(node.get("scale", (1.0, 1.0, 1.0)), dtype=np.float64)
         matrix[:3, 3] = node.get("translation", (0.0, 0.0, 0.0))
     if not np.isfinite(matrix).all() or np.abs(matrix).max() > MAX_TRANSFORM_VALUE:
-        raise ValueError("a transform that is not finite")
+        raise ValueError(f"a node has a transform that is not finite or exceeds {MAX_TRANSFORM_VALUE:g}")
     return matrix
 
 
@@ -247,7 +252,7 @@ def _z_up_to_y_up(points: FloatArray) -> FloatArray:
 def _extras_of(owner: JsonObject) -> JsonObject:
     extras = owner.get("extras") or {}
     if not isinstance(extras, dict):
-        raise ValueError("extras that are not named")
+        raise ValueError("extras are not a JSON object")
     return extras
 
 
