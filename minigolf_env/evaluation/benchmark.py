@@ -27,14 +27,14 @@ class LevelSetResult:
 
     difficulty: str
     """Difficulty of the levels."""
-    levels: str
+    level_set: str
     """Name of the set: "train" or "held out"."""
     first_level: int
     """Number of the first level."""
     num_levels: int
     """Number of levels; each is played once."""
     strokes: float
-    """Mean number of strokes; an episode that is not holed counts the largest number of strokes."""
+    """Mean number of strokes of a level; one that is not holed counts the largest number of strokes."""
     strokes_interval: Interval
     """Confidence interval of the mean number of strokes."""
     relative: float
@@ -42,9 +42,9 @@ class LevelSetResult:
     relative_interval: Interval
     """Confidence interval of the strokes relative to search."""
     holed: float
-    """Share of episodes that ended in the cup."""
+    """Fraction of the episodes that ended in the cup."""
     holed_interval: Interval
-    """Confidence interval of the share of episodes that ended in the cup."""
+    """Confidence interval of the fraction of the episodes that ended in the cup."""
     by_level: tuple[EpisodeResult, ...]
     """Result on each level."""
     search_by_level: tuple[int, ...]
@@ -52,9 +52,9 @@ class LevelSetResult:
 
 
 def benchmark(
-    name: str,
+    policy_name: str,
     difficulties: Sequence[str] = DIFFICULTY_NAMES,
-    levels: int = 200,
+    num_levels: int = 200,
     max_strokes: int = 10,
     seed: int = 0,
 ) -> Iterator[LevelSetResult]:
@@ -63,21 +63,21 @@ def benchmark(
     Every level is played once, from the middle of its tee, without noise. Only a random policy depends on ``seed``.
 
     Args:
-        name: a policy, as ``load_policy`` takes it.
+        policy_name: name or file of the policy, as ``load_policy`` takes it.
         difficulties: names of ``courses.procedural.DIFFICULTY_NAMES``.
-        levels: number of levels in each set, at least 1.
+        num_levels: number of levels in each set, at least 1.
         max_strokes: largest number of strokes of an episode.
         seed: seed of a random policy.
 
     Raises:
-        ValueError, FileNotFoundError, ImportError: there is no such policy or difficulty, or ``levels`` is below 1.
+        ValueError, FileNotFoundError, ImportError: there is no such policy or difficulty, or ``num_levels`` is below 1.
     """
-    if levels < 1:
-        raise ValueError(f"levels: expected at least 1, received {levels}.")
+    if num_levels < 1:
+        raise ValueError(f"levels: expected at least 1, received {num_levels}.")
     if not difficulties:
         raise ValueError(f"difficulty: expected one or more of {', '.join(DIFFICULTY_NAMES)}, received none.")
     checked = [one_of(difficulty, DIFFICULTY_NAMES, "difficulty") for difficulty in difficulties]
-    observation = load_policy(name, seed).observation
+    observation = load_policy(policy_name, seed).observation
     for difficulty in checked:
         env_args: dict[str, Any] = {
             "difficulty": difficulty,
@@ -85,17 +85,17 @@ def benchmark(
             "tee": "fixed",
             "observation": observation,
         }
-        for set_name, first in (("train", FIRST_TRAINING_LEVEL), ("held out", FIRST_EVALUATION_SEED)):
-            policy = load_policy(name, seed)  # A new one: a set's scores do not depend on the sets before it.
-            yield _evaluate_set(policy, set_name, range(first, first + levels), env_args)
+        for level_set, first in (("train", FIRST_TRAINING_LEVEL), ("held out", FIRST_EVALUATION_SEED)):
+            policy = load_policy(policy_name, seed)  # A new one: a set's scores do not depend on the sets before it.
+            yield _evaluate_set(policy, level_set, range(first, first + num_levels), env_args)
 
 
-def _evaluate_set(policy: Policy, set_name: str, levels: range, env_args: dict[str, Any]) -> LevelSetResult:
+def _evaluate_set(policy: Policy, level_set: str, levels: range, env_args: dict[str, Any]) -> LevelSetResult:
     """Play each level once with search and once with a policy, and return the policy's scores."""
     env = MiniGolfEnv(PROCEDURAL_COURSE, **env_args)
     results: list[EpisodeResult] = []
     references: list[int] = []
-    for level in tqdm(levels, f"{env_args['difficulty']}, {set_name}", leave=False, disable=None):
+    for level in tqdm(levels, f"{env_args['difficulty']}, {level_set}", leave=False, disable=None):
         env.reset(options={"level": level})
         references.append(search_strokes(env))
         if not isinstance(policy, BatchPolicy):
@@ -103,17 +103,17 @@ def _evaluate_set(policy: Policy, set_name: str, levels: range, env_args: dict[s
     if isinstance(policy, BatchPolicy):
         envs = MiniGolfVectorEnv(len(levels), PROCEDURAL_COURSE, start_level=levels.start, num_levels=1, **env_args)
         results = run_episodes_batched(envs, policy, None, {"level": list(levels)})
-    return _summarize(env_args["difficulty"], set_name, levels.start, results, references)
+    return _summarize(env_args["difficulty"], level_set, levels.start, results, references)
 
 
 def _summarize(
-    difficulty: str, set_name: str, first: int, results: list[EpisodeResult], references: list[int]
+    difficulty: str, level_set: str, first: int, results: list[EpisodeResult], references: list[int]
 ) -> LevelSetResult:
     strokes = np.array([episode.strokes for episode in results])
     num_holed = sum(episode.holed for episode in results)
     return LevelSetResult(
         difficulty=difficulty,
-        levels=set_name,
+        level_set=level_set,
         first_level=first,
         num_levels=len(results),
         strokes=float(strokes.mean()),

@@ -42,24 +42,24 @@ class EvaluationResult:
     max_strokes: int
     """Largest number of strokes of an episode."""
     putt_noise: tuple[float, float]
-    """Standard deviations of a putt's direction (degrees) and speed (share of it)."""
+    """Standard deviations of a putt's direction (degrees) and speed (fraction of it)."""
     strokes: float
-    """Mean number of strokes; an episode that is not holed counts max_strokes."""
+    """Mean number of strokes of an episode; one that is not holed counts max_strokes."""
     strokes_interval: Interval
     """Confidence interval of the mean number of strokes."""
     holed: float
-    """Share of episodes that ended in the cup."""
+    """Fraction of the episodes that ended in the cup."""
     holed_interval: Interval
-    """Confidence interval of the share of episodes that ended in the cup."""
+    """Confidence interval of the fraction of the episodes that ended in the cup."""
     hole_in_one: float
-    """Share of episodes that ended in the cup after one stroke."""
+    """Fraction of the episodes that ended in the cup after one stroke."""
     hole_in_one_interval: Interval
-    """Confidence interval of the share of holes-in-one."""
+    """Confidence interval of the fraction of holes-in-one."""
 
 
 def evaluate(
     policy: Policy,
-    name: str,
+    policy_name: str,
     course: str = "dogleg",
     *,
     difficulty: str | None = None,
@@ -76,13 +76,13 @@ def evaluate(
 
     Args:
         policy: the policy to evaluate.
-        name: name of the policy in the result.
+        policy_name: name of the policy in the result and the progress bar.
         course: the hole, a name or a file; "round" for its nine holes in turn; "procedural" for levels.
         difficulty: difficulty of the levels; only with "procedural".
         episodes: number of episodes, at least 1.
         first_seed: episode i is seeded with first_seed + i, or is played on the level of that number.
         max_strokes: largest number of strokes of an episode.
-        putt_noise: standard deviations of a putt's direction (degrees) and speed (share of it).
+        putt_noise: standard deviations of a putt's direction (degrees) and speed (fraction of it).
         watch: show the putts in a window. Closing the window does not end the evaluation.
         quiet: show no progress bar.
 
@@ -107,13 +107,13 @@ def evaluate(
     if isinstance(policy, BatchPolicy) and not watch:
         results = _run_batches(policy, course, starts, env_args)
     else:
-        progress = tqdm(starts, f"{name} plays", leave=False, disable=quiet or None)
+        progress = tqdm(starts, f"{policy_name} plays", leave=False, disable=quiet or None)
         results = _run_one_by_one(policy, course, progress, watch, env_args)
     # Summarize the results.
     strokes, holed = (np.array(column) for column in zip(*results, strict=True))
-    num_aces = int((holed & (strokes == 1)).sum())
+    num_holes_in_one = int((holed & (strokes == 1)).sum())
     return EvaluationResult(
-        policy=name,
+        policy=policy_name,
         sha256=getattr(policy, "sha256", None),
         course=course,
         difficulty=difficulty,
@@ -125,8 +125,8 @@ def evaluate(
         strokes_interval=mean_interval(strokes),
         holed=float(holed.mean()),
         holed_interval=wilson_interval(int(holed.sum()), episodes),
-        hole_in_one=num_aces / episodes,
-        hole_in_one_interval=wilson_interval(num_aces, episodes),
+        hole_in_one=num_holes_in_one / episodes,
+        hole_in_one_interval=wilson_interval(num_holes_in_one, episodes),
     )
 
 

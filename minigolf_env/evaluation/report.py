@@ -53,15 +53,15 @@ def print_evaluations(results: Sequence[EvaluationResult]) -> None:
     noise = "noise of {:g} degrees and {:.1%}, ".format(*first.putt_noise) if any(first.putt_noise) else ""
     course = first.course if first.difficulty is None else f"{first.course}, {first.difficulty}"
     table = Table(title=f"{course}: {noise}fixed seeds, [95 % confidence intervals]")
-    for column in ("player", "episodes", "mean strokes", "holed out", "hole-in-one"):
-        table.add_column(column, justify="left" if column == "player" else "right")
+    for column in ("policy", "episodes", "mean strokes", "holed out", "hole-in-one"):
+        table.add_column(column, justify="left" if column == "policy" else "right")
     for result in results:
         table.add_row(
             result.policy,
             str(result.episodes),
             format_with_interval(result.strokes, result.strokes_interval),
-            format_share(result.holed, result.holed_interval),
-            format_share(result.hole_in_one, result.hole_in_one_interval),
+            format_percentage(result.holed, result.holed_interval),
+            format_percentage(result.hole_in_one, result.hole_in_one_interval),
         )
     print_table(table)
 
@@ -74,11 +74,11 @@ def print_benchmark(policy: str, results: Sequence[LevelSetResult]) -> None:
     for result in results:
         table.add_row(
             result.difficulty,
-            result.levels,
+            result.level_set,
             str(result.num_levels),
             format_with_interval(result.strokes, result.strokes_interval),
             format_with_interval(result.relative, result.relative_interval),
-            format_share(result.holed, result.holed_interval),
+            format_percentage(result.holed, result.holed_interval),
         )
     print_table(table)
 
@@ -101,6 +101,6 @@ def format_with_interval(value: float, interval: Interval) -> str:
     return f"{value:.2f} [{interval[0]:.2f}, {interval[1]:.2f}]"
 
 
-def format_share(share: float, interval: Interval) -> str:
-    """Return a share and its interval as text, in percent: 91.0% [86, 94]."""
-    return f"{share:.1%} [{100 * interval[0]:.0f}, {100 * interval[1]:.0f}]"
+def format_percentage(fraction: float, interval: Interval) -> str:
+    """Return a fraction and its interval as text, in percent: 91.0% [86, 94]."""
+    return f"{fraction:.1%} [{100 * interval[0]:.0f}, {100 * interval[1]:.0f}]"

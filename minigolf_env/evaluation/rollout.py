@@ -16,9 +16,9 @@ class EpisodeResult(NamedTuple):
     """The result of one episode."""
 
     strokes: int
-    """Number of strokes played."""
+    """Number of strokes of the episode."""
     holed: bool
-    """True if the ball ended in the cup."""
+    """True if the ball is in the cup at the end."""
 
 
 def run_episode(

@@ -1,4 +1,4 @@
-"""95 % confidence intervals of means, ratios of means and shares."""
+"""95 % confidence intervals of means, ratios of means and proportions."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ def ratio_interval(values: ArrayLike, references: ArrayLike) -> Interval:
 
 
 def wilson_interval(successes: int, n: int) -> Interval:
-    """Return the 95 % confidence interval of a share, which is also sound near 0 and 1 (E. B. Wilson, 1927)."""
+    """Return the 95 % confidence interval of a proportion, accurate near 0 and 1, too (E. B. Wilson, 1927)."""
     z = NORMAL_QUANTILE_95
-    share = successes / n
-    centre = share + z * z / (2 * n)
-    spread = z * math.sqrt(share * (1 - share) / n + z * z / (4 * n * n))
+    proportion = successes / n
+    centre = proportion + z * z / (2 * n)
+    spread = z * math.sqrt(proportion * (1 - proportion) / n + z * z / (4 * n * n))
     return max(0.0, (centre - spread) / (1 + z * z / n)), min(1.0, (centre + spread) / (1 + z * z / n))

@@ -27,7 +27,7 @@ def test_command_prints_table_and_writes_reproducible_report(
     assert reports[0] == reports[1] and list(tmp_path.iterdir()) == [path]
     assert "held out" in capsys.readouterr().out
     train, held_out = reports[0]["sets"]
-    assert (train["levels"], train["first_level"], held_out["first_level"]) == ("train", 0, 1_000_000)
+    assert (train["level_set"], train["first_level"], held_out["first_level"]) == ("train", 0, 1_000_000)
     assert len(train["by_level"]) == len(held_out["search_by_level"]) == 2
     assert train["strokes"] == np.mean([strokes for strokes, _ in train["by_level"]])
     assert train["relative"] == train["strokes"] / np.mean(train["search_by_level"])
@@ -50,19 +50,19 @@ def test_batch_policy_gets_same_results_as_single_policy(monkeypatch: pytest.Mon
     results = []
     for policy in (Straight(), StraightBatch()):
         monkeypatch.setattr(benchmark_module, "load_policy", lambda name, seed, policy=policy: policy)
-        results.append(list(benchmark("straight", ("easy",), levels=4, max_strokes=4)))
+        results.append(list(benchmark("straight", ("easy",), num_levels=4, max_strokes=4)))
     assert results[0] == results[1]
 
 
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"levels": 0}, "levels: expected at least 1, received 0"),
+        ({"num_levels": 0}, "levels: expected at least 1, received 0"),
         ({"difficulties": ("hrad",)}, "did you mean 'hard'"),
-        ({"name": "serach"}, "did you mean 'search'"),
+        ({"policy_name": "serach"}, "did you mean 'search'"),
     ],
 )
 def test_rejects_invalid_arguments(options: dict[str, object], message: str) -> None:
-    """They are rejected before any level is played."""
+    """Invalid arguments are rejected before any level is played."""
     with pytest.raises(ValueError, match=message):
-        next(benchmark(**({"name": "random"} | options)))  # type: ignore[arg-type]
+        next(benchmark(**({"policy_name": "random"} | options)))  # type: ignore[arg-type]

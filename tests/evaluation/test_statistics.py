@@ -11,7 +11,7 @@ from minigolf_env.evaluation.statistics import NORMAL_QUANTILE_95, mean_interval
 
 
 def test_wilson_interval_bounds_solve_the_score_equation() -> None:
-    """The bounds solve |share - p| = z sqrt(p (1 - p) / n), and stay in [0, 1] where all trials had the same result."""
+    """The bounds solve |k/n - p| = z sqrt(p (1 - p) / n), and stay in [0, 1] where all trials had the same result."""
     for successes, n in ((3, 10), (40, 50), (1, 500)):
         for p in wilson_interval(successes, n):
             assert abs(successes / n - p) == pytest.approx(NORMAL_QUANTILE_95 * math.sqrt(p * (1 - p) / n))
@@ -19,7 +19,7 @@ def test_wilson_interval_bounds_solve_the_score_equation() -> None:
 
 
 def test_mean_and_ratio_intervals_contain_true_value_95_percent_of_the_time() -> None:
-    """For a mean of uniform numbers, and for the ratio of the means of dependent pairs."""
+    """The law is tested for a mean of uniform numbers, and for the ratio of the means of dependent pairs."""
     rng = np.random.default_rng(0)
     contained = []
     for _ in range(3000):
@@ -28,3 +28,16 @@ def test_mean_and_ratio_intervals_contain_true_value_95_percent_of_the_time() ->
         mean, ratio = mean_interval(y), ratio_interval(x, y)
         contained.append((mean[0] < 2.0 < mean[1], ratio[0] < 1.5 < ratio[1]))
     assert (np.abs(np.mean(contained, axis=0) - 0.95) < 0.02).all()
+
+
+@pytest.mark.parametrize("scale", [0.25, 1.0, 8.0])
+def test_ratio_interval_is_inverse_to_scale_of_references(scale: float) -> None:
+    """References that are k times as large divide the ratio and its bounds by k, exactly for powers of 2."""
+    rng = np.random.default_rng(1)
+    references = rng.uniform(1.0, 3.0, 100)
+    values = 1.5 * references + rng.normal(size=100)
+    low, high = ratio_interval(values, references)
+    assert ratio_interval(values, scale * references) == (low / scale, high / scale)
+    assert ratio_interval(scale * values, references) == (low * scale, high * scale)
+    margin = NORMAL_QUANTILE_95 * np.std(values - values.mean() / references.mean() * references, ddof=1) / 10.0
+    assert high - low == pytest.approx(2.0 * margin / references.mean())
