@@ -179,8 +179,18 @@ def _sha256(path: Path) -> str:
 
 
 def _infer_observation(shape: tuple[int, ...]) -> str:
-    """Return the kind of observation that has a shape."""
-    shapes = {name: observer.space().shape for name, observer in OBSERVATIONS.items()}
-    if shape not in shapes.values():
+    """Return the kind of observation that has a shape: a model's file holds no name of its observation.
+
+    Raises:
+        ValueError: no kind of observation has this shape, or more than one has.
+    """
+    shapes = {name: observation.space().shape for name, observation in OBSERVATIONS.items()}
+    matches = [name for name in shapes if shapes[name] == shape]
+    if not matches:
         raise ValueError(f"model: expected one trained on an observation of {shapes}, received one trained on {shape}.")
-    return next(name for name, known in shapes.items() if known == shape)
+    if len(matches) > 1:
+        raise ValueError(
+            f"model: expected one observation of the shape {shape}, received {matches}; register observations of "
+            "different shapes, or play the model with SB3Policy, which takes the observation's name."
+        )
+    return matches[0]

@@ -5,7 +5,7 @@ mirrors, which is how balls bounce off wooden borders. For each straight segment
 much it misses the cup, how it climbs, and how much roll the putt has left there. The features do not change when a
 hole is moved or turned.
 
-The features of a putt are NUM_FEATURES numbers of about [-1, 1]. "Along" and "left" are relative to its direction:
+The features of a putt are NUM_FEATURES numbers of the order of 1. "Along" and "left" are relative to its direction:
 
     0-6     the slope along and left, the ground below, the height of the cup, the position on the level along and left,
             the number of strokes left
@@ -13,13 +13,14 @@ The features of a putt are NUM_FEATURES numbers of about [-1, 1]. "Along" and "l
     13-56   for each of the four segments: by how much the line misses the cup, at three scales; the length; how far
             along the segment is closest to the cup; is_exact; matches_neighbor; the direction along and left; the
             height of the end; the greatest height
-    57-61   the roll distance as square root and as share of the greatest, and the roll beyond the cup at three scales
+    57-61   the roll distance as a fraction of the greatest, its square root first, and the roll beyond the cup at three
+            scales
     62-73   for each of the four segments: the roll left next to the cup at two scales; how likely the ball drops
     74-75   the distance from the resting place to the cup, at two scales
 
-Lengths are in metres. A putt has a direction, in radians counter-clockwise from x, and a roll distance: how far it
-would roll on flat ground without walls, a measure of its energy. Arrays are for N balls, D directions for each ball,
-and S roll distances for each direction.
+Lengths are in metres. A putt has a direction, in radians counter-clockwise from x, and a roll distance (in names:
+"roll"): how far it would roll on flat ground without walls, a measure of its energy. Arrays are for N balls, D
+directions for each ball, and S roll distances for each direction.
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from minigolf_env.courses.course import EARTH_GRAVITY
 from minigolf_env.courses.procedural.lane_features import FELT_ROLLING_RESISTANCE
 from minigolf_env.courses.procedural.level import LEVEL_TOP_SPEED, WOOD_SURFACE
 from minigolf_env.envs.observations.bounce_rays import (
@@ -43,11 +45,14 @@ from minigolf_env.envs.observations.state import STATE_FEATURES
 
 Array = NDArray[np.float32]
 
-MAX_ROLL = LEVEL_TOP_SPEED**2 / (2.0 * FELT_ROLLING_RESISTANCE * 9.81)
+MAX_ROLL = LEVEL_TOP_SPEED**2 / (2.0 * FELT_ROLLING_RESISTANCE * -EARTH_GRAVITY[2])
 """Roll distance of a putt at top speed, m."""
 
 ROLL_KEPT_PER_BOUNCE = WOOD_SURFACE.damping**2
-"""Share of the roll distance that is left after a bounce."""
+"""Fraction of the roll distance that is left after a bounce."""
+
+MIN_APPROACH_COSINE = 1e-3
+"""A line hits a wall only if the cosine of the angle between it and the wall's inward normal is greater than this."""
 
 PARALLEL_COSINE = 0.97
 """Two walls are the same wall only if the cosine of the angle between their normals is greater than this."""
@@ -60,6 +65,18 @@ MAX_SEGMENT_LENGTH = 12.0
 
 UNCERTAIN_SEGMENT_RANGE = 8.0
 """Length along which a segment that is not exact is searched for the cup, m."""
+
+FEATURE_LENGTH_SCALE = 4.0
+"""Length that counts as 1 in the features of distances, m."""
+
+POSITION_FACTOR = 2.5
+"""Factor of the ball's position within the bounds: the feature is 1 at 0.4 of the way from their middle to a side."""
+
+DROP_MISS_SCALE = 0.04
+"""Distance by which a line misses the cup at which the estimated chance to drop has fallen to 1/e, m."""
+
+DROP_ROLL_SCALE = 3.0
+"""Roll distance left at the cup at which the estimated chance to drop has fallen to 1/e, m."""
 
 NUM_FEATURES = 20 + 14 * NUM_SEGMENTS
 """Number of features of a putt."""
@@ -91,7 +108,11 @@ FIRST_RAY_INDEX = CUP_INDEX + NUM_CUP_FEATURES
 
 
 class PathSegment(NamedTuple):
-    """A straight segment of the lines of putts, up to a wall."""
+    """A straight segment of the lines of putts, up to a wall.
+
+    A line leaves the ball between two bounce rays: the nearest one, whose walls it is followed off, and the opposite
+    one. The neighbor is the ray next to the nearest one on the other side.
+    """
 
     start: Array
     """Start of the segment, relative to the ball, shape (N, D, 2)."""
@@ -100,9 +121,9 @@ class PathSegment(NamedTuple):
     length: Array
     """Length up to the wall, shape (N, D)."""
     is_exact: NDArray[np.bool_]
-    """True if the ray on the other side of the line hit the same walls up to this one, shape (N, D)."""
+    """True if the opposite ray hit the same walls up to this one, shape (N, D)."""
     matches_neighbor: NDArray[np.bool_]
-    """True if the next ray on the near side of the line hit the same walls up to this one, shape (N, D)."""
+    """True if the neighbor hit the same walls up to this one, shape (N, D)."""
     height: Array
     """Height of the end above the ball, shape (N, D)."""
     max_height: Array
@@ -118,36 +139,33 @@ def cup_position(observations: Array) -> Array:
 def trace_lines(bounce_rays: Array, directions: Array) -> list[PathSegment]:
     """Return the NUM_SEGMENTS segments of lines in given directions, reflected off the walls that the bounce rays hit.
 
-    A line is followed off the walls of the nearest ray. It is exact as long as the ray on its other side hit the same
-    walls.
-
     Args:
         bounce_rays: segments of the bounce rays, shape (N, R, NUM_SEGMENTS, FEATURES_PER_SEGMENT).
         directions: directions of the lines, radians, shape (N, D).
     """
-    # Choose the nearest ray, the one on the other side of the line, and the next one on the near side.
+    # Choose the nearest ray, the opposite one, and the neighbor of the nearest one: see PathSegment.
     num_rays = bounce_rays.shape[1]
     ray_angles = directions * (num_rays / (2.0 * math.pi))
     nearest = np.rint(ray_angles).astype(np.int64)
-    side = np.where(ray_angles >= nearest, 1, -1)
+    to_opposite = np.where(ray_angles >= nearest, 1, -1)
     rows = np.arange(len(bounce_rays))[:, None]
-    chosen = [bounce_rays[rows, (nearest + step) % num_rays] for step in (0, side, -side)]
+    chosen = [bounce_rays[rows, (nearest + step) % num_rays] for step in (0, to_opposite, -to_opposite)]
     # Follow the line from wall to wall.
     direction = np.stack([np.cos(directions), np.sin(directions)], axis=-1)
     start = np.zeros_like(direction)
     is_exact = np.ones(directions.shape, np.bool_)
     matches_neighbor = np.ones(directions.shape, np.bool_)
     segments = []
-    for ray, across, neighbor in zip(*(np.moveaxis(rays, 2, 0) for rays in chosen), strict=True):
+    for ray, opposite, neighbor in zip(*(np.moveaxis(rays, 2, 0) for rays in chosen), strict=True):
         end = ray[..., :2]
         normal = ray[..., 2:4]
         # Find where the line hits the ray's wall. A line without a wall is as long as the ray.
         approach = (direction * normal).sum(-1)
-        hits = approach < -1e-3
+        hits = approach < -MIN_APPROACH_COSINE
         length = ((end - start) * normal).sum(-1) / np.where(hits, approach, np.float32(-1.0))
         hits &= (length >= 0.0) & (length < MAX_SEGMENT_LENGTH)
         length = np.where(hits, length, np.hypot(*np.moveaxis(end - start, -1, 0)))
-        is_exact = is_exact & hits & _is_same_wall(across, end, normal)
+        is_exact = is_exact & hits & _is_same_wall(opposite, end, normal)
         matches_neighbor = matches_neighbor & hits & _is_same_wall(neighbor, end, normal)
         segments.append(PathSegment(start, direction, length, is_exact, matches_neighbor, ray[..., 4], ray[..., 5]))
         # Reflect the line off the wall.
@@ -163,7 +181,7 @@ def _is_same_wall(ray: Array, end: Array, normal: Array) -> NDArray[np.bool_]:
 
 
 def putt_features(observations: NDArray[Any], directions: NDArray[Any], roll_distances: NDArray[Any]) -> Array:
-    """Return the features of putts, of about [-1, 1], shape (N, D, S, NUM_FEATURES).
+    """Return the features of putts, shape (N, D, S, NUM_FEATURES), scaled to the order of 1.
 
     Args:
         observations: observations of the kind "bounce_rays", shape (N, 2320).
@@ -187,20 +205,21 @@ def putt_features(observations: NDArray[Any], directions: NDArray[Any], roll_dis
     height = np.zeros(directions.shape, np.float32)
     for segment in segments:
         miss, closest = _closest_to_cup(segment, cup)
-        by_direction += [*_scales(miss, 0.05, 0.3, 2.0), segment.length / 4.0, closest / 4.0]
+        by_direction += _scales(miss, 0.05, 0.3, 2.0)
+        by_direction += [segment.length / FEATURE_LENGTH_SCALE, closest / FEATURE_LENGTH_SCALE]
         by_direction += [segment.is_exact, segment.matches_neighbor]
         by_direction += [(segment.direction * first_direction).sum(-1), _cross(first_direction, segment.direction)]
         by_direction += [*_scales(segment.height - height, 0.1), *_scales(segment.max_height - height, 0.1)]
-        # Estimate as one number whether the ball drops: it passes over the cup, and not too fast.
+        # Estimate the chance that the ball drops: it must pass over the cup, and slowly enough.
         roll_at_cup = roll - closest[..., None]
-        is_slow = np.where(roll_at_cup > 0.0, np.exp(-np.maximum(roll_at_cup, 0.0) / 3.0), 0.0)
-        by_roll += [*_scales(roll_at_cup, 1.0, 8.0), np.exp(-np.square(miss / 0.04))[..., None] * is_slow]
+        passes_over = np.exp(-np.square(miss / DROP_MISS_SCALE))[..., None]
+        is_slow = np.where(roll_at_cup > 0.0, np.exp(-np.maximum(roll_at_cup, 0.0) / DROP_ROLL_SCALE), 0.0)
+        by_roll += [*_scales(roll_at_cup, 1.0, 8.0), passes_over * is_slow]
         # Subtract the roll that the segment, its climb and the bounce at its end take.
-        roll = (
-            roll - (segment.length + (segment.height - height) / FELT_ROLLING_RESISTANCE)[..., None]
-        ) * ROLL_KEPT_PER_BOUNCE
+        roll_used = segment.length + (segment.height - height) / FELT_ROLLING_RESISTANCE
+        roll = (roll - roll_used[..., None]) * ROLL_KEPT_PER_BOUNCE
         height = segment.height
-    by_roll += _scales(np.hypot(rest_to_cup[..., 0], rest_to_cup[..., 1]), 4.0, 0.5)
+    by_roll += _scales(np.hypot(rest_to_cup[..., 0], rest_to_cup[..., 1]), FEATURE_LENGTH_SCALE, 0.5)
     # Join the features.
     features = np.empty((*roll.shape, len(by_direction) + len(by_roll)), np.float32)
     for k, column in enumerate([*(column[..., None] for column in by_direction), *by_roll]):
@@ -220,7 +239,7 @@ def _surroundings(observations: Array, direction: Array) -> list[NDArray[Any]]:
 
     cup_along, cup_left = components(cup)
     # The tee is in the middle of a level's bounds: if the cup is hidden, the lane leads away from the tee.
-    position = 2.5 * observations[:, None, :2]
+    position = POSITION_FACTOR * observations[:, None, :2]
     slope = observations[:, None, SLOPE_INDEX : SLOPE_INDEX + 2]
     # Few strokes left are a sign that the ball is in a place where putts behave unexpectedly.
     return [
@@ -229,9 +248,9 @@ def _surroundings(observations: Array, direction: Array) -> list[NDArray[Any]]:
         constant(CUP_HEIGHT_INDEX),
         *components(position),
         constant(STROKES_LEFT_INDEX),
-        np.hypot(cup_along, cup_left) / 4.0,
-        cup_along / 4.0,
-        *_scales(cup_left, 0.05, 0.2, 1.0, 4.0),
+        np.hypot(cup_along, cup_left) / FEATURE_LENGTH_SCALE,
+        cup_along / FEATURE_LENGTH_SCALE,
+        *_scales(cup_left, 0.05, 0.2, 1.0, FEATURE_LENGTH_SCALE),
     ]
 
 
@@ -261,8 +280,8 @@ def _resting_places(segments: list[PathSegment], roll: Array) -> Array:
 
 def putt_actions(directions: NDArray[Any], roll_distances: NDArray[Any]) -> Array:
     """Return the actions (..., 2) of putts with directions and roll distances (...)."""
-    speed_share = np.sqrt(np.minimum(roll_distances / MAX_ROLL, 1.0))
-    return np.stack([speed_share * np.cos(directions), speed_share * np.sin(directions)], axis=-1).astype(np.float32)
+    speed = np.sqrt(np.minimum(roll_distances / MAX_ROLL, 1.0))  # As a fraction of the top speed.
+    return np.stack([speed * np.cos(directions), speed * np.sin(directions)], axis=-1).astype(np.float32)
 
 
 def _cross(a: Array, b: Array) -> Array:

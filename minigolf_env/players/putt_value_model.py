@@ -1,4 +1,4 @@
-"""A value model of putts: an action-value function (Q-function) on putt features."""
+"""A value model of putts: an action-value function (Q-function) of putt features."""
 
 from __future__ import annotations
 
@@ -13,10 +13,11 @@ from minigolf_env.players.mlp import MLP, Array, Layer
 
 @dataclass(frozen=True)
 class PuttValueModel:
-    """A network that predicts how many strokes remain after a putt, from the features of the putt.
+    """A network that predicts from the features of a putt the expected number of strokes that remain after it.
 
-    It is an action-value function (Q-function): the best putt is the one with the fewest expected strokes. The features
-    are those of ``putt_features.putt_features``.
+    It is an action-value function (Q-function) in strokes; the putt itself does not count, as it costs one stroke
+    wherever it goes. The best putt is the one with the least value. The features are those of
+    ``putt_features.putt_features``.
 
     Args:
         mlp: the network. Its first output is the logit of the probability that the putt holes out. The softplus of its
@@ -26,7 +27,7 @@ class PuttValueModel:
     mlp: MLP
 
     def expected_strokes(self, features: NDArray[Any]) -> Array:
-        """Return the expected strokes (N, ...) after putts with features (N, ..., num_inputs).
+        """Return the expected number of strokes (N, ...) that remain after putts with features (N, ..., num_inputs).
 
         Each of the N is a matrix product of its own, so that a value has the same bits for every N.
         """

@@ -1,7 +1,7 @@
 """Search for the best putt by simulating many putts from the ball's position.
 
-Without noise, search looks for a hole-in-one. If there is none, it looks for two putts that hole out. With noise it
-looks for the putt with the fewest expected strokes.
+Without noise, search looks for a putt that holes out. If there is none, it looks for two putts that hole out. With
+noise it looks for the putt with the fewest expected strokes.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from minigolf_env.envs import MiniGolfEnv, Task
 from minigolf_env.envs.config import check_noise
-from minigolf_env.envs.rewards import MIN_STROKES_TO_FINISH, STROKES_PER_METRE
+from minigolf_env.envs.rewards import shaping_potential
 from minigolf_env.envs.task import FloatArray
 
 IntArray = NDArray[np.int64]
@@ -35,7 +35,7 @@ class SearchBudget(NamedTuple):
 
 
 QUICK_SEARCH = SearchBudget(48, 8, 1)
-"""Resolution that finds a hole-in-one from most positions."""
+"""Resolution that finds a holing putt from most positions."""
 
 THOROUGH_SEARCH = SearchBudget(120, 32, 4)
 """Resolution whose last grid has steps of 0.04 degrees and 0.04 % of the top speed."""
@@ -47,16 +47,20 @@ MAX_SECOND_PUTT_STARTS = 16
 """Largest number of resting places of the first putt from which second putts are searched."""
 
 MIN_START_SPACING = 0.25
-"""Least distance between those resting places, m."""
+"""Smallest distance between two resting places from which second putts are searched, m."""
 
 MAX_NOISE_CANDIDATES = 96
-"""Largest number of putts whose expected strokes under noise are compared at first."""
+"""Largest number of candidates whose expected strokes under noise are compared in the first stage."""
 
 MIN_CANDIDATE_SPACING = 0.02
-"""Least distance between those putts, as vectors, in shares of the top speed."""
+"""Smallest distance between two candidates of the first stage, as putt vectors."""
 
 NOISE_STAGES = ((16, 6), (32, 3), (64, 1))
-"""Number of noise samples, and number of putts kept, in each stage; the next stage adds the neighbors of those kept."""
+"""Stages of the search under noise: number of noise samples, and number of candidates kept.
+
+This is successive halving with common random numbers: each stage compares fewer candidates by more samples, the same
+for every candidate. Neighbors of the candidates that a stage keeps are added to the next one.
+"""
 
 
 class Plan(NamedTuple):
@@ -69,7 +73,10 @@ class Plan(NamedTuple):
     distance: float
     """Distance along the course from the cup to where the putt leaves the ball without noise, m; 0 if it holes out."""
     strokes: float
-    """Number of strokes to hole out, including this one: 1 and 2 were found, other numbers are estimates."""
+    """Number of strokes to hole out, including this one.
+
+    It is 1 or 2 if search found putts that hole out without noise; every other number is an estimate.
+    """
     num_simulated: int
     """Number of putts that were simulated."""
 
@@ -89,11 +96,11 @@ def search(
 
     Args:
         env: a MiniGolfEnv, wrapped or not.
-        budgets: resolutions, tried in order until one finds a hole-in-one.
-        look_ahead: search for a second putt if there is no hole-in-one. If False, the plan is then the putt that ends
-            closest to the cup along the course.
-        noise: standard deviations of direction (degrees) and speed (share of it) to plan for; None: the environment's
-            ``putt_noise``. The same fixed noise samples are used for every putt, never the environment's.
+        budgets: resolutions, tried in order until one finds a putt that holes out.
+        look_ahead: search for a second putt if none holes out. If False, the plan is then the putt that ends closest to
+            the cup along the course.
+        noise: standard deviations of direction (degrees) and speed (fraction of it) to plan for; None: the
+            environment's ``putt_noise``. The same fixed noise samples are used for every putt, never the environment's.
 
     Raises:
         ValueError: a budget without directions or speeds, or with refinements below 0; no budgets; a negative noise.
@@ -108,39 +115,47 @@ def search(
     task = golf.task if noise is None else replace(golf.task, putt_noise=check_noise(noise))
     start = np.array(golf.get_state()["position"])[None]
     num_simulated = 0
-    # Search for a hole-in-one.
+    # Search for a putt that holes out.
     for budget in budgets:
         putts = _grid_search(task, start, budget)
-        num_simulated += len(putts.distance)
-        if (putts.distance <= 0.0).any():
+        num_simulated += len(putts.holed)
+        if putts.holed.any():
             break
-    else:  # There is no hole-in-one: search for two putts.
-        if look_ahead:
-            best, strokes, num_second = _two_putt_search(task, putts, budgets[0])
-            return _plan(putts, best, strokes, num_simulated + num_second)
+    # If there is none, search for two putts.
+    if look_ahead and not putts.holed.any():
+        best, strokes, num_second = _two_putt_search(task, putts, budgets[0])
+        return _plan(putts, best, strokes, num_simulated + num_second)
     # Choose the putt with the fewest expected strokes.
-    if any(task.putt_noise):
+    if task.is_noisy:
         return _plan_under_noise(task, start, putts, num_simulated)
     best = int(np.argmin(putts.distance))
-    return _plan(putts, best, float(_expected_strokes_left(putts.distance)[best]) + 1.0, num_simulated)
+    strokes = float(_strokes_left(task, putts.end[best], putts.holed[best])) + 1.0
+    return _plan(putts, best, strokes, num_simulated)
 
 
 class _SimulatedPutts(NamedTuple):
-    """Putts and where they end."""
+    """Simulated putts and their ends."""
 
     start: IntArray
     """Row of the position that a putt starts from, shape (N,)."""
     polar: FloatArray
-    """Direction, radians, and share of the top speed, shape (N, 2)."""
+    """Direction, radians, and fraction of the top speed, shape (N, 2)."""
     end: FloatArray
     """Position where a putt leaves the ball, m, shape (N, 3)."""
+    holed: NDArray[np.bool_]
+    """True if the putt holes out, shape (N,)."""
     distance: FloatArray
     """Distance along the course from that position to the cup, m; 0 if the putt holes out; shape (N,)."""
 
 
 def _plan(putts: _SimulatedPutts, best: int, strokes: float, num_simulated: int) -> Plan:
-    distance = float(putts.distance[best])
-    return Plan(_actions(putts.polar[best]), distance <= 0.0, distance, strokes, num_simulated)
+    return Plan(
+        action=_actions(putts.polar[best]),
+        holed=bool(putts.holed[best]),
+        distance=float(putts.distance[best]),
+        strokes=strokes,
+        num_simulated=num_simulated,
+    )
 
 
 def _grid_search(task: Task, starts: FloatArray, budget: SearchBudget) -> _SimulatedPutts:
@@ -150,7 +165,7 @@ def _grid_search(task: Task, starts: FloatArray, budget: SearchBudget) -> _Simul
     start = np.repeat(np.arange(len(starts)), len(grid))
     putts = _simulate(task, starts, start, np.tile(grid, (len(starts), 1)))
     for _ in range(budget.refinements):
-        if (putts.distance <= 0.0).any():
+        if putts.holed.any():
             break
         # Simulate a finer grid around the putts that ended closest to the cup.
         step = step / 3.0
@@ -165,27 +180,27 @@ def _simulate(task: Task, starts: FloatArray, start: IntArray, polar: FloatArray
     """Simulate putts (N, 2), rounded to float32 as actions are, from the rows ``start`` (N,) of positions (S, 3)."""
     outcome = task.simulate(starts[start], task.launch_velocity(_actions(polar).astype(np.float64)))
     distance = np.where(outcome.holed, 0.0, task.distance_to_cup(outcome.position))
-    return _SimulatedPutts(start, polar, outcome.position, distance)
+    return _SimulatedPutts(start, polar, outcome.position, outcome.holed, distance)
 
 
 def _two_putt_search(task: Task, putts: _SimulatedPutts, budget: SearchBudget) -> tuple[int, float, int]:
-    """Find the first putt whose second putt holes out, or else ends closest to the cup.
+    """Find the first putt after which most second putts of a grid hole out.
 
-    Of several first putts whose second putt holes out, it is the one for which most second putts of a grid do.
+    If no second putt holes out, find the first putt after which one ends closest to the cup.
 
     Returns:
         The row of the first putt, the number of strokes, and the number of putts simulated.
     """
-    # Choose resting places that are close to the cup and apart from each other.
+    # Choose first putts whose resting places are close to the cup and apart from each other.
     order = np.argsort(putts.distance, kind="stable")
-    firsts = _spread_out(putts.end, order, MAX_SECOND_PUTT_STARTS, MIN_START_SPACING)
-    # Search for second putts from them.
-    seconds = _grid_search(task, putts.end[firsts], budget)
-    num_holed = np.bincount(seconds.start[seconds.distance <= 0.0], minlength=len(firsts))
-    closest = int(np.argmin(seconds.distance))
-    best = int(np.argmax(num_holed)) if num_holed.any() else int(seconds.start[closest])
-    strokes = 2.0 + float(_expected_strokes_left(seconds.distance)[closest])
-    return int(firsts[best]), strokes, len(seconds.distance)
+    first_rows = _spread_out(putts.end, order, MAX_SECOND_PUTT_STARTS, MIN_START_SPACING)
+    # Search for second putts from their resting places.
+    second_putts = _grid_search(task, putts.end[first_rows], budget)
+    num_holed = np.bincount(second_putts.start[second_putts.holed], minlength=len(first_rows))
+    closest = int(np.argmin(second_putts.distance))
+    best = int(np.argmax(num_holed)) if num_holed.any() else int(second_putts.start[closest])
+    strokes = 2.0 + float(_strokes_left(task, second_putts.end[closest], second_putts.holed[closest]))
+    return int(first_rows[best]), strokes, len(second_putts.holed)
 
 
 def _plan_under_noise(task: Task, start: FloatArray, putts: _SimulatedPutts, num_simulated: int) -> Plan:
@@ -194,7 +209,7 @@ def _plan_under_noise(task: Task, start: FloatArray, putts: _SimulatedPutts, num
     vectors = _actions(putts.polar).astype(np.float64)
     order = np.argsort(putts.distance, kind="stable")
     polar = putts.polar[_spread_out(vectors, order, MAX_NOISE_CANDIDATES, MIN_CANDIDATE_SPACING)]
-    # Keep ever fewer of them by ever more samples, and add neighbors of those that are kept.
+    # Compare fewer candidates by more samples in each stage, and add neighbors of the candidates that are kept.
     step = np.array([math.radians(task.putt_noise[0]), task.putt_noise[1]])
     for num_samples, num_kept in NOISE_STAGES:
         expected = _expected_strokes(task, start, polar, NOISE_SAMPLES[:num_samples])
@@ -214,13 +229,13 @@ def _expected_strokes(task: Task, start: FloatArray, polar: FloatArray, samples:
     actions = np.repeat(_actions(polar).astype(np.float64), len(samples), axis=0)
     velocities = task.launch_velocity(actions, np.tile(samples, (len(polar), 1)))
     outcome = task.simulate(np.repeat(start, len(actions), axis=0), velocities)
-    distance = np.where(outcome.holed, 0.0, task.distance_to_cup(outcome.position))
-    return np.asarray(1.0 + _expected_strokes_left(distance).reshape(len(polar), -1).mean(axis=1))
+    strokes_left = _strokes_left(task, outcome.position, outcome.holed)
+    return np.asarray(1.0 + strokes_left.reshape(len(polar), -1).mean(axis=1))
 
 
-def _expected_strokes_left(distance: FloatArray) -> FloatArray:
-    """Return the strokes left from distances along the course, m, as reward shaping estimates them; 0 for 0."""
-    return np.where(distance <= 0.0, 0.0, MIN_STROKES_TO_FINISH + STROKES_PER_METRE * distance)
+def _strokes_left(task: Task, positions: FloatArray, holed: NDArray[np.bool_]) -> FloatArray:
+    """Return the strokes left (...) from positions (..., 3), as reward shaping estimates them; 0 if holed (...)."""
+    return np.where(holed, 0.0, -shaping_potential(task, positions))
 
 
 def _grid(directions: FloatArray, speeds: FloatArray) -> FloatArray:
@@ -249,7 +264,7 @@ def _spread_out(points: FloatArray, order: IntArray, max_count: int, min_distanc
 
 
 def _actions(polar: FloatArray) -> NDArray[np.float32]:
-    """Return the actions (..., 2) of putts with directions (radians) and speeds (share of the top speed)."""
+    """Return the actions (..., 2) of putts with directions (radians) and speeds (fraction of the top speed)."""
     putts = polar[..., 1:] * np.stack([np.cos(polar[..., 0]), np.sin(polar[..., 0])], axis=-1)
     return np.asarray(putts, dtype=np.float32)
 

@@ -60,7 +60,7 @@ def test_finds_hole_in_one_from_tee(env: MiniGolfEnv) -> None:
     assert plan.holed and plan.strokes == 1.0
 
 
-def test_finds_two_putts_where_there_is_no_hole_in_one() -> None:
+def test_finds_two_putts_where_no_single_putt_holes_out() -> None:
     """After the first putt of a plan of two strokes, a second search holes out."""
     env = MiniGolfEnv(behind_a_wall(), tee="fixed")
     env.reset(seed=0)
