@@ -22,7 +22,7 @@ from minigolf_env.evaluation.rollout import search_strokes
 from minigolf_env.evaluation.statistics import mean_interval
 
 PUTT_NOISE = (1.5, 0.05)
-"""Standard deviations of the direction, degrees, and of the speed, as a share of it."""
+"""Standard deviations of the direction, degrees, and of the speed, as a fraction of it."""
 
 MIN_PAR = 2
 """Smallest par: a hole-in-one is at least one under par."""

@@ -36,7 +36,7 @@ class Args:
     levels: int = 60
     """Number of levels of each difficulty; 0 leaves out the second table."""
     noise: tuple[float, float] = (0.5, 0.015)
-    """Standard deviations of the direction, degrees, and of the speed, as a share of it."""
+    """Standard deviations of the direction, degrees, and of the speed, as a fraction of it."""
 
 
 def make_planner(**options: Any) -> Planner:

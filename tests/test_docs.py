@@ -174,7 +174,7 @@ def test_argument_table_has_all_arguments_and_defaults() -> None:
     """docs/environment.md lists the arguments of the environments with their defaults."""
     table = {row[0]: row[1] for row in rows(ENVIRONMENT, "Arguments")}
     assert {argument: eval(default) for argument, default in table.items()} == defaults()  # noqa: S307 (our own page)
-    (batch,) = rows(ENVIRONMENT, "Many at once")
+    (batch,) = rows(ENVIRONMENT, "Vector environment")
     assert batch[0] in inspect.signature(MiniGolfVectorEnv).parameters
     assert eval(batch[1]) == MiniGolfVectorEnv.metadata["autoreset_mode"].value  # noqa: S307
 

@@ -198,7 +198,7 @@ def evaluate(
         episodes: number of episodes.
         first_seed: seed, or level, of the first episode; the next has one more. Also the seed of a random policy.
         max_strokes: largest number of strokes of an episode.
-        putt_noise: standard deviations of direction (degrees) and speed (share of it).
+        putt_noise: standard deviations of direction (degrees) and speed (fraction of it).
         watch: show the putts in a window.
         json: also write the result to this file.
     """

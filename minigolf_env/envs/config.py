@@ -34,11 +34,15 @@ from minigolf_env.physics import World
 from minigolf_env.physics.world import IMPACT_MODELS
 from minigolf_env.rendering import CAMERA_NAMES, RENDER_PROFILES, RenderSettings, check_size
 
-TEE_CHOICES = ("random", "fixed")
+VECTOR_ARGUMENTS = ("num_envs", "autoreset_mode")
+"""Names of the arguments that only a vector environment has."""
 
-NOISE_HINT = "give the standard deviations of direction (degrees) and speed (share of it)."
+TEE_CHOICES = ("random", "fixed")
+"""Values of the argument "tee": where an episode starts."""
+
+NOISE_HINT = "give the standard deviations of direction (degrees) and speed (fraction of it)."
 POSITION_HINT = "give the ball's centre, m."
-ACTION_HINT = "a putt is a vector x, y; its length, up to 1, is the share of the top speed."
+ACTION_HINT = "a putt is a vector x, y; its length, up to 1, is the fraction of the top speed."
 
 
 class EnvOptions(TypedDict, total=False):
@@ -70,9 +74,9 @@ class EnvConfig(NamedTuple):
     observation: ObservationType
     """Space and function of the observations."""
     reward: RewardFunction
-    """Function of the rewards."""
+    """Reward function."""
     render_settings: RenderSettings
-    """Settings of the pictures or the window."""
+    """Settings of the images or the window."""
 
 
 def build_env_config(
@@ -86,16 +90,20 @@ def build_env_config(
     camera: str = "follow",
     render_profile: str = "auto",
     render_speed: float = 1.0,
-    **rules: Any,
+    **task_options: Any,
 ) -> EnvConfig:
     """Validate an environment's arguments; the docstring of MiniGolfEnv gives their meaning.
+
+    ``task_options`` are those of ``build_task_sampler``: the set of levels and the rules.
 
     Raises:
         TypeError: an argument is unknown.
         ValueError: an argument has a wrong value.
     """
-    names = ("num_envs", "autoreset_mode", "course", "render_mode", *EnvOptions.__annotations__)
-    for name in rules.keys() - set(names):
+    for name in task_options.keys() - EnvOptions.__annotations__.keys():
+        if name in VECTOR_ARGUMENTS:
+            raise TypeError(f"argument: {name!r} is for vector environments only; make one with gymnasium.make_vec.")
+        names = ("course", "render_mode", *EnvOptions.__annotations__, *VECTOR_ARGUMENTS)
         raise TypeError(unknown_choice_message(name, names, "argument"))
     if render_mode is not None:
         one_of(render_mode, render_modes, "render_mode")
@@ -107,7 +115,7 @@ def build_env_config(
         speed=positive_number(render_speed, "render_speed", "1 is real time."),
     )
     observation_type = OBSERVATIONS[one_of(observation, tuple(OBSERVATIONS), "observation")]
-    return EnvConfig(build_task_sampler(course, **rules), observation_type, build_reward(reward), settings)
+    return EnvConfig(build_task_sampler(course, **task_options), observation_type, build_reward(reward), settings)
 
 
 def build_task_sampler(
@@ -262,11 +270,15 @@ def one_per_env(value: Any, n: int, what: str) -> list[Any]:
 
 
 def check_noise(value: tuple[float, float]) -> tuple[float, float]:
-    """Return the standard deviations of a putt's direction (degrees) and speed (share of it), or raise a ValueError."""
-    degrees, share = finite_array(value, (2,), "putt_noise", NOISE_HINT).tolist()
-    if degrees < 0.0 or share < 0.0:
+    """Return the validated noise of putts: standard deviations of direction (degrees) and speed (fraction of it).
+
+    Raises:
+        ValueError: the noise is not two finite numbers >= 0.
+    """
+    direction_deviation, speed_deviation = finite_array(value, (2,), "putt_noise", NOISE_HINT).tolist()
+    if direction_deviation < 0.0 or speed_deviation < 0.0:
         raise ValueError(f"putt_noise: expected numbers >= 0, received {value!r}; {NOISE_HINT}")
-    return degrees, share
+    return direction_deviation, speed_deviation
 
 
 @functools.lru_cache(maxsize=LEVEL_CACHE_SIZE)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from minigolf_env.envs.task import FloatArray, Outcome, Result
 
 NO_STROKE = -1
-"""Stands in place of a Result where the ball is on the tee and no stroke was played."""
+"""Sentinel for a Result: the ball is on the tee and no stroke was played."""
 
 STATUS_NAMES = np.array([*(result.name.lower() for result in Result), "tee"], dtype=object)
 """Value of info's "status" for each Result; last, at index NO_STROKE, "tee"."""
@@ -20,15 +20,15 @@ class LastStrokes(NamedTuple):
     """The last strokes of N environments."""
 
     result: NDArray[np.int8]
-    """(N,) values of Result, or NO_STROKE."""
+    """(N,) the Result of each stroke, as a number, or NO_STROKE."""
     time: FloatArray
-    """(N,) how long the ball moved, s."""
+    """(N,) duration of the ball's motion, s."""
     bounces: NDArray[np.int64]
     """(N,) number of impacts."""
 
     @staticmethod
     def none(n: int) -> LastStrokes:
-        """Return those of n environments in which no stroke was played."""
+        """Return the last strokes of n environments in which no stroke was played."""
         return LastStrokes(np.full(n, NO_STROKE, np.int8), np.zeros(n), np.zeros(n, np.int64))
 
     def record(self, rows: NDArray[np.int64] | slice, outcome: Outcome) -> None:
@@ -89,7 +89,7 @@ def batch_info(
 
 
 def final_info(ended: NDArray[np.bool_], observations: NDArray[Any], info: dict[str, Any]) -> dict[str, Any]:
-    """Return the keys that Gymnasium's autoreset mode "SameStep" adds to info: how the episodes that ended did so.
+    """Return the entries that Gymnasium's autoreset mode "SameStep" adds to info: the last results of ended episodes.
 
     Args:
         ended: (N,) the environments whose episode ended.

@@ -34,13 +34,13 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
     """Minigolf with an exactly simulated ball on a course of closed triangle meshes. One step is one putt.
 
     ## Description
-    The agent sees where the ball lies, chooses a putt, and sees where the ball comes to rest. A step simulates the
-    whole putt: until the ball rests, drops into the cup or leaves the course. The goal is to hole out in as few strokes
-    as possible.
+    The agent observes the ball's position, chooses a putt, and observes where the ball comes to rest. A step simulates
+    the whole putt: until the ball rests, drops into the cup or leaves the course. The goal is to hole out in as few
+    strokes as possible.
 
     ## Action Space
     ``Box(-1, 1, (2,), float32)``: the putt as a vector in the xy-plane. Its direction is the direction of the putt; its
-    length, clipped to 1, is the launch speed as a share of the top speed.
+    length, clipped to 1, is the launch speed as a fraction of the top speed.
 
     ## Observation Space
     ``observation="state"``, the default, is ``Box(-1, 1, (10,), float32)``:
@@ -49,9 +49,9 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
     |---|---|---|
     | 0, 1, 2 | x, y and z of the ball | -1 and 1 at the course's bounds |
     | 3, 4, 5 | x, y and z from the ball to the centre of the cup's rim | 1 is the bounds' diagonal in the xy-plane |
-    | 6, 7 | horizontal direction to the cup, with the length of number 8: a straight putt is a multiple of it | as 8 |
-    | 8 | square root of the horizontal distance to the cup; the launch speed grows with it | 1 is the diagonal |
-    | 9 | share of the strokes that is left | 1 at the tee, 0 after the last |
+    | 6, 7 | x and y of the horizontal unit vector to the cup, times number 8 | as 8 |
+    | 8 | square root of the horizontal distance to the cup divided by the diagonal | 1 at a distance of the diagonal |
+    | 9 | fraction of the strokes that is left | 1 at the tee, 0 after the last |
 
     ``observation="rays"`` is ``Box(-1, 1, (48,), float32)``: numbers 0 to 9; the free distance of the ball in 32
     horizontal directions, the first along x, counter-clockwise, 1 is 4 m or more; the depth of the ground below the
@@ -64,13 +64,13 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
     of the end and the greatest height so far, m.
 
     ``observation="pixels"`` is ``Box(0, 255, (84, 84, 3), uint8)``: an image of the course from above, x to the right
-    and y up. The ball is enlarged to be visible. In the lowest two rows the white share is the share of strokes left.
+    and y up. The ball is enlarged to be visible. The white part of the lowest two rows is the fraction of strokes left.
 
     ## Rewards
     ``reward="strokes"`` is -1 a stroke, so that the return is minus the score. ``reward="shaped"``, the default, adds
     the change of a potential: minus (1 + 0.3 for each metre along the course to the cup), and zero when the episode has
-    ended. Over an episode the changes add up to a constant, so that the best policy is the same; and each stroke is
-    rewarded at once for what it gained. ``reward`` may also be a function of your own, see
+    ended. Over an episode the changes add up to a constant, so that the best policy is the same, and the progress of a
+    stroke is part of its immediate reward. ``reward`` may also be a function of your own, see
     ``minigolf_env.envs.rewards``.
 
     ## Starting State
@@ -86,16 +86,16 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
     third, and the next reset the fourth.
 
     ## Episode End
-    ``terminated`` is true when the ball is in the cup, and after ``max_strokes``: a rule of the game, so that the
-    strokes left are observed. ``truncated`` is always false. The cup is a hole in the floor's mesh. The ball is holed
-    when it rests in the cup, or is below the rim without the energy to come out. A ball out of bounds, or one that does
-    not come to rest within 30 s, is put back where it was struck, and the stroke counts.
+    ``terminated`` is true when the ball is in the cup, and after ``max_strokes``. That limit is a rule of the game, not
+    a time limit: observations contain the strokes left. ``truncated`` is always false. The cup is a hole in the floor's
+    mesh. The ball is holed when it rests in the cup, or is below the rim without the energy to come out. A ball out of
+    bounds, or one that does not come to rest within 30 s, is put back where it was struck, and the stroke counts.
 
     ## Info
     ``strokes`` (int): strokes of the episode. ``is_success`` (bool): the ball is holed. ``status`` (str): result of the
-    last stroke, "tee", "rest", "holed", "out_of_bounds" or "time_limit". ``shot_time`` (float): how long the ball moved
-    in the last stroke, s. ``bounces`` (int): impacts of the last stroke. ``course`` (str): name of the hole. ``level``
-    (int): number of the level, on levels only. ``hole`` (int): number of the hole, from 1 on, in a round only.
+    last stroke, "tee", "rest", "holed", "out_of_bounds" or "time_limit". ``shot_time`` (float): duration of the ball's
+    motion in the last stroke, s. ``bounces`` (int): impacts of the last stroke. ``course`` (str): name of the hole.
+    ``level`` (int): number of the level, on levels only. ``hole`` (int): number of the hole, from 1 on, in a round.
     ``minigolf_env.courses.par_of(info["course"])`` returns the par.
 
     ## Arguments
@@ -106,7 +106,7 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
         difficulty: difficulty of the levels, "easy" (default), "medium" or "hard"; this argument and the next two are
             for "procedural" only.
         start_level: first level of the set; default 0.
-        num_levels: number of levels in the set; default 500; 0: all levels that exist, 2**31.
+        num_levels: number of levels in the set; default 500; 0: all 2**31 levels, whatever ``start_level`` is.
         render_mode: None; "rgb_array": ``render()`` returns an image (height, width, 3), uint8, of the ball at rest and
             the line of its last putt; "rgb_array_list": ``render()`` returns the images of all putts since the last
             call or the reset, 30 a second; "human": ``step()`` shows the putt in a window, in real time.
@@ -122,8 +122,8 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
         tee: "random" or "fixed".
         top_speed: launch speed of a full putt, m/s; None: that of the course.
         cup_radius: radius of the cup, m; None: that of the course.
-        putt_noise: standard deviations of a putt's direction (degrees) and speed (share of it), drawn from
-            ``np_random``.
+        putt_noise: standard deviations of a putt's direction (degrees) and speed (fraction of it). The noise is drawn
+            from ``np_random``.
         dt: time step of the physics, s.
         impact: "average" or "conservative", see ``minigolf_env.physics.World``.
 
@@ -219,7 +219,7 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
         return self._observe(), float(stroke.reward[0]), self._over, False, self._info(stroke.outcome)
 
     def render(self) -> Any:
-        """Return an image, a list of images, or None, as the render mode has it."""
+        """Return an image, a list of images, or None, according to the render mode."""
         self._ball()
         return self.renderer.render()
 

@@ -1,4 +1,4 @@
-"""Task samplers: which task an episode plays. Always the same one, the next of a round, or a level drawn from a set."""
+"""Task samplers, which choose the task of an episode: always the same, the next of a round, or a level of a set."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from minigolf_env._validation import integer
 from minigolf_env.courses import ROUND_COURSE, ROUND_HOLES, Course
 from minigolf_env.envs.task import Task
 
-NUM_LEVELS = 2**31
-"""Number of levels of a difficulty: their numbers are the 32-bit integers from 0 on."""
+MAX_NUM_LEVELS = 2**31
+"""Number of levels of each difficulty, numbered from 0: a set has at most as many."""
 
 
 class SingleTask:
@@ -79,7 +79,7 @@ class LevelSampler:
     """Each episode plays a level drawn uniformly from a set of consecutive levels.
 
     Raises:
-        ValueError: the set is not among the levels 0, ..., NUM_LEVELS - 1.
+        ValueError: the set is not among the levels 0, ..., MAX_NUM_LEVELS - 1.
     """
 
     make: Callable[[int], Task]
@@ -87,18 +87,18 @@ class LevelSampler:
     start: int
     """First level of the set."""
     count: int
-    """Number of levels in the set; 0: all levels that exist, wherever ``start`` is."""
+    """Number of levels in the set; 0: all MAX_NUM_LEVELS levels, also those before ``start``."""
 
     is_indexed = True
     index_name = "level"
 
     def __post_init__(self) -> None:
-        integer(self.start, "start_level", 0, NUM_LEVELS - 1)
-        integer(self.count, "num_levels", 0, NUM_LEVELS - 1)
-        if self.start + self.count > NUM_LEVELS:
+        integer(self.start, "start_level", 0, MAX_NUM_LEVELS - 1)
+        integer(self.count, "num_levels", 0, MAX_NUM_LEVELS - 1)
+        if self.start + self.count > MAX_NUM_LEVELS:
             raise ValueError(
-                f"num_levels: expected at most {NUM_LEVELS - self.start} from level {self.start} on, "
-                f"received {self.count}; the levels end at {NUM_LEVELS - 1}."
+                f"num_levels: expected at most {MAX_NUM_LEVELS - self.start} from level {self.start} on, "
+                f"received {self.count}; the levels end at {MAX_NUM_LEVELS - 1}."
             )
 
     def default(self) -> Task:
@@ -107,7 +107,7 @@ class LevelSampler:
 
     def sample(self, rng: np.random.Generator, previous: Task | None) -> Task:
         """Return a level of the set, drawn from ``rng``."""
-        first, count = (self.start, self.count) if self.count else (0, NUM_LEVELS)
+        first, count = (self.start, self.count) if self.count else (0, MAX_NUM_LEVELS)
         return self.make(first + int(rng.integers(count)))
 
     def get(self, index: Any) -> Task:
@@ -116,7 +116,7 @@ class LevelSampler:
         Raises:
             ValueError: no level has this number.
         """
-        return self.make(integer(index, self.index_name, 0, NUM_LEVELS - 1))
+        return self.make(integer(index, self.index_name, 0, MAX_NUM_LEVELS - 1))
 
 
 TaskSampler = SingleTask | SequentialTasks | LevelSampler

@@ -21,7 +21,7 @@ class StrokeResult(NamedTuple):
     outcome: Outcome
     """Outcome of the stroke."""
     ended: NDArray[np.bool_]
-    """(N,) true where the episode ended with this stroke."""
+    """(N,) bool: the episode ended with this stroke."""
     reward: FloatArray
     """(N,) rewards of the stroke."""
 

@@ -40,11 +40,11 @@ class Outcome(NamedTuple):
     """Outcome of strokes; each field has the leading shape (...) of the strokes."""
 
     position: FloatArray
-    """(..., 3) the ball's centre for the next stroke, m: where it rests, or where it was struck if it did not."""
+    """(..., 3) the ball's centre for the next stroke, m: its resting place, or its old place if it is put back."""
     result: NDArray[np.int8]
-    """(...) values of Result."""
+    """(...) the Result of each stroke, as a number."""
     time: FloatArray
-    """(...) how long the ball moved, s."""
+    """(...) duration of the ball's motion, s."""
     bounces: NDArray[np.int64]
     """(...) number of impacts that did not become resting contacts."""
 
@@ -59,7 +59,7 @@ class Outcome(NamedTuple):
 
     @property
     def holed(self) -> NDArray[np.bool_]:
-        """(...) true where the ball is in the cup."""
+        """(...) bool: the ball is in the cup."""
         return np.asarray(self.result == Result.HOLED)
 
 
@@ -82,11 +82,11 @@ class TaskBatch:
 
     Args:
         courses: one course for all balls, or N courses, with cups.
-        params: what the rules need to know of their holes.
+        params: parameters of the holes: cups, tees, bounds and routes.
         world: the compiled physics of the one course, or of all.
         max_strokes: number of strokes after which an episode ends.
         random_tee: start at a uniformly random place in the tee box; otherwise in its middle.
-        putt_noise: standard deviations of a putt's direction (degrees) and speed (share of it).
+        putt_noise: standard deviations of a putt's direction (degrees) and speed (fraction of it).
     """
 
     courses: tuple[Course, ...]
@@ -100,11 +100,11 @@ class TaskBatch:
         """Return centres (N, 3), m, of balls in the tee box: random, each from its own generator, or the middle."""
         lower = self.params.tee[..., 0, :]
         upper = self.params.tee[..., 1, :]
-        shares = np.full((len(rngs), 3), 0.5)
+        fractions = np.full((len(rngs), 3), 0.5)
         if self.random_tee:
-            for rng, share in zip(rngs, shares[:, :2], strict=True):
-                rng.random(out=share)
-        return np.asarray(lower + shares * (upper - lower))
+            for rng, horizontal in zip(rngs, fractions[:, :2], strict=True):
+                rng.random(out=horizontal)
+        return np.asarray(lower + fractions * (upper - lower))
 
     @property
     def is_noisy(self) -> bool:
@@ -121,7 +121,7 @@ class TaskBatch:
     def launch_velocity(self, actions: FloatArray, noise: FloatArray | None = None) -> FloatArray:
         """Return launch velocities (..., 3), m/s, of actions (..., 2).
 
-        The direction of an action is that of the putt; its length, clipped to 1, is the share of the top speed.
+        The direction of an action is that of the putt; its length, clipped to 1, is the fraction of the top speed.
 
         Args:
             actions: the putts.
@@ -149,7 +149,7 @@ class TaskBatch:
         return Outcome(position, result, np.asarray(shot.time), np.asarray(shot.bounces))
 
     def is_holed(self, positions: FloatArray, velocities: FloatArray) -> NDArray[np.bool_]:
-        """Return (...) true where balls cannot leave the cup: below its rim, and without the energy to come out.
+        """Return whether balls (...) cannot leave the cup: below its rim, and without the energy to come out.
 
         To leave the cup, a ball must pass over the edge of the rim with its centre one radius above it.
 
@@ -167,7 +167,7 @@ class TaskBatch:
     def distance_to_cup(self, positions: FloatArray) -> FloatArray:
         """Return the distance (...) along the course from positions (..., 3) to the cup, m.
 
-        It goes straight to the end of the nearest segment of the course's route, and on along the route.
+        It is the straight distance to the end of the nearest segment of the course's route, plus the rest of the route.
         """
         x, y, _ = components(positions)
         smallest_sq = np.asarray(np.inf)
@@ -175,9 +175,9 @@ class TaskBatch:
         for segment in self._route_segments:
             # Find the nearest point of the segment.
             dx, dy = x - segment.start[0], y - segment.start[1]
-            share = (dx * segment.vector[0] + dy * segment.vector[1]) / segment.length_sq
-            share = np.minimum(np.maximum(share, 0.0), 1.0)
-            dx, dy = dx - share * segment.vector[0], dy - share * segment.vector[1]
+            fraction = (dx * segment.vector[0] + dy * segment.vector[1]) / segment.length_sq
+            fraction = np.minimum(np.maximum(fraction, 0.0), 1.0)
+            dx, dy = dx - fraction * segment.vector[0], dy - fraction * segment.vector[1]
             offset_sq = dx * dx + dy * dy
             # Keep the distance along the nearest segment.
             along = np.hypot(segment.end[0] - x, segment.end[1] - y) + segment.remaining

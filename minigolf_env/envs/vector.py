@@ -136,8 +136,10 @@ class MiniGolfVectorEnv(gym.vector.VectorEnv[Observations, Actions, NDArray[Any]
         tasks = self._select_tasks(given.get(index_name), rows)
         if len(self._rngs) == 0 and len(rows) < self.num_envs:
             raise ResetNeeded("Reset all environments before some of them.")
+        # After seeding, the task follows from the generator alone, not from the previous task.
         for i in self._seed(seed, rows):
-            tasks[i] = tasks.get(i) or self._sampler.sample(self._rngs[i], None)
+            if i not in tasks:
+                tasks[i] = self._sampler.sample(self._rngs[i], None)
         self._start_episodes(rows, tasks)
         return self._observe(ALL_ROWS), self._info(LastStrokes.none(self.num_envs))
 
@@ -170,7 +172,7 @@ class MiniGolfVectorEnv(gym.vector.VectorEnv[Observations, Actions, NDArray[Any]
         truncated = np.zeros(self.num_envs, np.bool_)
         last = LastStrokes.none(self.num_envs)
         last.record(rows, stroke.outcome)
-        # Reset what is due, and observe.
+        # Reset the environments whose episode was over before this step, and observe.
         self._start_episodes(idle, {})
         observations = self._observe(ALL_ROWS)
         info = self._info(last)
@@ -179,12 +181,12 @@ class MiniGolfVectorEnv(gym.vector.VectorEnv[Observations, Actions, NDArray[Any]
         return observations, rewards, terminated, truncated, info
 
     def render(self) -> tuple[Any, ...] | None:
-        """Return a tuple of what each environment's render mode has, or None without a render mode."""
+        """Return a tuple of one image or list of images for each environment; None without a render mode."""
         self._require_reset()
         return tuple(renderer.render() for renderer in self.renderers) or None
 
     def close_extras(self, **kwargs: Any) -> None:
-        """Close the renderers, which send nothing more to recorders."""
+        """Close the renderers; recorders receive no more frames."""
         for renderer in self.renderers:
             renderer.close()
 
@@ -279,7 +281,7 @@ class MiniGolfVectorEnv(gym.vector.VectorEnv[Observations, Actions, NDArray[Any]
         known = ", ".join(map(repr, sorted([*SHARED_ATTRIBUTES, "np_random", "task"])))
         raise AttributeError(
             f"name: expected one of {known}, or to call 'get_state', 'render' or 'what_if', received {name!r}; "
-            "what moves environments moves the whole batch: use its own reset, step and set_state."
+            "to move the balls, call the vector environment's own reset, step or set_state, which act on all of them."
         )
 
     def set_attr(self, name: str, values: Any) -> None:

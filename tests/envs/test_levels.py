@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from minigolf_env.envs import MiniGolfEnv, MiniGolfVectorEnv
-from minigolf_env.envs.samplers import NUM_LEVELS, LevelSampler
+from minigolf_env.envs.samplers import MAX_NUM_LEVELS, LevelSampler
 from tests.envs.vector_parity import VectorParity
 
 
@@ -30,7 +30,7 @@ def test_level_sets_do_not_overlap() -> None:
     test = numbers(LevelSampler(lambda n: n, 50, 20))  # type: ignore[arg-type, return-value]
     assert train == set(range(50)) and test == set(range(50, 70))
     everything = numbers(LevelSampler(lambda n: n, 50, 0))  # type: ignore[arg-type, return-value]
-    assert len(everything) > 1990 and min(everything) < NUM_LEVELS / 100 and max(everything) > 0.99 * NUM_LEVELS
+    assert len(everything) > 1990 and min(everything) < MAX_NUM_LEVELS / 100 and max(everything) > 0.99 * MAX_NUM_LEVELS
 
 
 def test_reset_draws_a_level() -> None:

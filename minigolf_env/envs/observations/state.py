@@ -38,20 +38,20 @@ def observe_state(task: TaskBatch, positions: FloatArray, strokes: NDArray[np.in
     ball = components(positions)
     lower = components(task.params.bounds[..., 0, :])
     upper = components(task.params.bounds[..., 1, :])
-    # The ball's place within the bounds, from -1 to 1.
+    # Scale the ball's position within the bounds to -1 to 1.
     sides = [high - low for high, low in zip(upper, lower, strict=True)]
-    place = [2.0 * (p - low) / side - 1.0 for p, low, side in zip(ball, lower, sides, strict=True)]
-    # The cup as seen from the ball, in units of the bounds' horizontal diagonal.
+    scaled_ball = [2.0 * (p - low) / side - 1.0 for p, low, side in zip(ball, lower, sides, strict=True)]
+    # Compute the vector to the cup in units of the bounds' horizontal diagonal, and the straight putt.
     diagonal = np.sqrt(sides[0] * sides[0] + sides[1] * sides[1])
     to_cup = [c - p for c, p in zip(components(task.params.cup), ball, strict=True)]
     distance = np.hypot(to_cup[0], to_cup[1])
     root = np.sqrt(distance / diagonal)
     straight_putt = [root * component / np.maximum(distance, MIN_CUP_DISTANCE) for component in to_cup[:2]]
-    # The share of the strokes that is left.
-    left = np.asarray(1.0 - np.asarray(strokes) / task.max_strokes)
-    scaled = (component / diagonal for component in to_cup)
-    numbers = np.stack([*place, *scaled, *straight_putt, root, left], axis=-1)
-    return np.clip(numbers, -1.0, 1.0, out=numbers).astype(np.float32)
+    scaled_to_cup = (component / diagonal for component in to_cup)
+    # Compute the fraction of the strokes that is left.
+    strokes_left = np.asarray(1.0 - np.asarray(strokes) / task.max_strokes)
+    features = np.stack([*scaled_ball, *scaled_to_cup, *straight_putt, root, strokes_left], axis=-1)
+    return np.clip(features, -1.0, 1.0, out=features).astype(np.float32)
 
 
 def append_to_state(
