@@ -33,7 +33,7 @@ from minigolf_env.physics.types import (
 MAX_SERIAL_QUERIES = 64
 """Maximum number of distance queries that take less time than starting threads."""
 
-MIN_RECORD_SIZE = 512
+INITIAL_RECORDING_ROWS = 512
 """Initial number of rows of a recorded run's path (4 s at 1/120 s) and of its log of bounces."""
 
 NO_PATH = np.empty((0, 4))
@@ -48,16 +48,16 @@ def simulate_rows(
 ) -> NDArray[np.void]:
     """Run balls (N, 3) to their end, in place; return records (N,) of RESULT_DTYPE."""
     results: RecordArray = np.zeros(len(positions), RESULT_DTYPE)
-    balls = kernels.Balls(positions, velocities, results)
+    runs = kernels.RunBatch(positions, velocities, results)
 
-    def run(first: int, last: int) -> None:
+    def simulate_chunk(first: int, last: int) -> None:
         scratch = kernels.new_scratch()
-        for begin, end, scene in _runs_per_scene(scenes, len(positions), first, last):
+        for begin, end, scene in _ranges_per_scene(scenes, len(positions), first, last):
             invalidate(scratch.cache.state)
-            kernels.simulate_range(begin, end, scene, scratch, max_steps, balls, NO_PATH, NO_LOG)
+            kernels.simulate_range(begin, end, scene, scratch, max_steps, runs, NO_PATH, NO_LOG)
 
     with notify_if_compiling("simulate"):
-        parallel_for(run, len(positions))
+        parallel_for(simulate_chunk, len(positions))
     return results
 
 
@@ -66,16 +66,16 @@ def simulate_recorded(scene: CompiledScene, position: FloatArray, velocity: Floa
 
     The run is simulated once. It is suspended when the record is full, and resumes with a record twice as large.
     """
-    balls = kernels.Balls(position[None].copy(), velocity[None].copy(), np.zeros(1, RESULT_DTYPE))
+    runs = kernels.RunBatch(position[None].copy(), velocity[None].copy(), np.zeros(1, RESULT_DTYPE))
     scratch = kernels.new_scratch()
-    path = np.empty((MIN_RECORD_SIZE, 4))
-    log = np.empty((MIN_RECORD_SIZE, 8))
+    path = np.empty((INITIAL_RECORDING_ROWS, 4))
+    log = np.empty((INITIAL_RECORDING_ROWS, 8))
     path[0, :3] = position
     is_complete = False
     with notify_if_compiling("simulate"):
         while not is_complete:
-            kernels.simulate_range(0, 1, scene, scratch, max_steps, balls, path, log)
-            time, status, steps, bounces, exhausted = balls.results[0].tolist()
+            kernels.simulate_range(0, 1, scene, scratch, max_steps, runs, path, log)
+            time, status, steps, bounces, exhausted = runs.results[0].tolist()
             is_complete = status != Status.TIME_LIMIT or steps == max_steps
             if not is_complete:
                 path = np.concatenate([path, np.empty_like(path)])
@@ -87,8 +87,8 @@ def simulate_recorded(scene: CompiledScene, position: FloatArray, velocity: Floa
     impacts["normal"] = log[:bounces, 4:7]
     impacts["triangle"] = log[:bounces, 7]
     return Shot(
-        balls.positions[0],
-        balls.velocities[0],
+        runs.positions[0],
+        runs.velocities[0],
         Status(status),
         time,
         bounces,
@@ -109,13 +109,13 @@ def sweep_rows(
     normals = np.empty((n, 3))
     triangles = np.empty(n, np.int64)
 
-    def run(first: int, last: int) -> None:
+    def sweep_chunk(first: int, last: int) -> None:
         traversal = new_traversal()
-        for begin, end, scene in _runs_per_scene(scenes, n, first, last):
+        for begin, end, scene in _ranges_per_scene(scenes, n, first, last):
             sweep_range(begin, end, scene, traversal, starts, paths, alphas, normals, triangles)
 
     with notify_if_compiling("sweep_batch"):
-        parallel_for(run, n)
+        parallel_for(sweep_chunk, n)
     return alphas, normals, triangles
 
 
@@ -141,7 +141,7 @@ def check_no_overlap(scenes: Sequence[CompiledScene], p: FloatArray, scales: flo
     is_deep = clearances < -2.0 * RELATIVE_TOLERANCE * np.maximum(scales, np.abs(centres).max(axis=1, initial=0.0))
     if is_deep.any():
         i = int(is_deep.argmax())
-        scene = next(_runs_per_scene(scenes, len(centres), i, i + 1))[2]
+        scene = next(_ranges_per_scene(scenes, len(centres), i, i + 1))[2]
         which = "position" if p.ndim == 1 else f"position {i}"
         raise ValueError(
             f"{which}: expected a ball in free space, received {centres[i].tolist()}, {-clearances[i]:.3g} m deep in a "
@@ -157,16 +157,16 @@ def _query(
 ) -> None:
     """Run a kernel that writes one result for each ball at positions (N, 3)."""
 
-    def run(first: int, last: int) -> None:
+    def query_chunk(first: int, last: int) -> None:
         traversal = new_traversal()
-        for begin, end, scene in _runs_per_scene(scenes, len(positions), first, last):
+        for begin, end, scene in _ranges_per_scene(scenes, len(positions), first, last):
             kernel(begin, end, scene, traversal, positions, results)
 
     with notify_if_compiling("clearance"):
         if len(positions) <= MAX_SERIAL_QUERIES:
-            run(0, len(positions))
+            query_chunk(0, len(positions))
         else:
-            parallel_for(run, len(positions))
+            parallel_for(query_chunk, len(positions))
 
 
 def make_shot(positions: FloatArray, velocities: FloatArray, results: NDArray[np.void]) -> Shot:
@@ -175,10 +175,10 @@ def make_shot(positions: FloatArray, velocities: FloatArray, results: NDArray[np
     return Shot(positions, velocities, results["status"].astype(np.int8), *fields)  # type: ignore[arg-type]
 
 
-def _runs_per_scene(
+def _ranges_per_scene(
     scenes: Sequence[CompiledScene], n: int, first: int, last: int
 ) -> Iterator[tuple[int, int, CompiledScene]]:
-    """Yield the runs of rows in first to last - 1 that share a scene: first row, one past the last row, scene."""
+    """Yield the ranges of rows in first to last - 1 that share a scene: first row, one past the last row, scene."""
     rows_per_scene = n // max(1, len(scenes))
     begin = first
     while begin < last:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minigolf_env.physics.jit import device_function, kernel
-from minigolf_env.physics.types import BVH_WIDTH, INT64_ZERO, NODE_DTYPE, FloatArray, RecordArray, Vec3
+from minigolf_env.physics.types import BVH_WIDTH, INT64_ONE, INT64_ZERO, NODE_DTYPE, FloatArray, RecordArray, Vec3
 from minigolf_env.physics.vec3 import column, store_column
 
 MAX_LEAF_SIZE = 4
@@ -30,11 +30,11 @@ MIN_HALF_EXTENT = 2.0**-1022
 """Smallest half extent of a box, m: a zero, rounded up."""
 
 
-def build_bvh(corners: FloatArray) -> tuple[RecordArray, NDArray[np.int64]]:
+def build_bvh(triangles: FloatArray) -> tuple[RecordArray, NDArray[np.int64]]:
     """Build the hierarchy over n >= 1 triangles (n, 3, 3); return its nodes and the order (n,) of its leaves."""
-    n = len(corners)
-    low = corners.min(axis=1)
-    high = corners.max(axis=1)
+    n = len(triangles)
+    low = triangles.min(axis=1)
+    high = triangles.max(axis=1)
     order = np.arange(n)
     # A node of leaves alone has more than MAX_LEAF_SIZE triangles, unless it is the root; the others have BVH_WIDTH
     # children: at most 8 n / 35 nodes in all.
@@ -68,7 +68,7 @@ def _build(
     build_stack[0, 1] = len(order)
     build_stack[0, 2] = 0
     build_stack[0, 3] = 0
-    stack_size = INT64_ZERO + 1
+    stack_size = INT64_ONE
     count = INT64_ZERO
     while stack_size > 0:
         # Pop a range of triangles, and begin a node with one child that holds it all.
@@ -83,7 +83,7 @@ def _build(
         _compute_child_bounds(low, high, order, child_ranges, INT64_ZERO, node)
 
         # Split the child with the largest box in two until the node is full or all children are leaves.
-        num_children = INT64_ZERO + 1
+        num_children = INT64_ONE
         k = _choose_child_to_split(child_ranges, num_children, node)
         while k >= 0:
             start = child_ranges[k, 0]
@@ -116,7 +116,7 @@ def _build(
 def _choose_child_to_split(child_ranges: NDArray[np.int64], num_children: int, node: np.void) -> int:
     """Return the child with the largest box among those too large for a leaf; -1 if there is none or no free slot."""
     best_area = -1.0
-    best = -INT64_ZERO - 1
+    best = -INT64_ONE
     for k in range(num_children if num_children < BVH_WIDTH else 0):
         area = _half_area(column(node["half_extent"], k))
         if child_ranges[k, 1] - child_ranges[k, 0] > MAX_LEAF_SIZE and area > best_area:
@@ -137,7 +137,7 @@ def _compute_child_bounds(
             highest = max(highest, high[order[j], axis])
         center = 0.5 * (lowest + highest)
         node["center"][axis, k] = center
-        # Grown by the rounding error of the centre: no corner may stick out.
+        # Grown by the rounding error of the centre: no vertex may stick out.
         node["half_extent"][axis, k] = max(highest - center, center - lowest) * (1.0 + 2.0**-52) + MIN_HALF_EXTENT
 
 

@@ -24,7 +24,7 @@ from minigolf_env.physics.jit import device_function, kernel
 from minigolf_env.physics.sweep import Collision, no_hit, sweep, update_first_hit
 from minigolf_env.physics.swept_sphere import may_overlap
 from minigolf_env.physics.traversal import decode_leaf, intersect_children_swept_sphere, new_traversal
-from minigolf_env.physics.types import BVH_WIDTH, INT64_ZERO, CompiledScene, RecordArray, Vec3
+from minigolf_env.physics.types import BVH_WIDTH, INT64_ONE, INT64_ZERO, CompiledScene, RecordArray, Vec3
 from minigolf_env.physics.vec3 import add, column, norm, scale, store, store_column, sub, vec3
 
 SINGLE_STEP_CAPACITY = 64
@@ -60,8 +60,8 @@ CANDIDATE_LIST_DTYPE = np.dtype(
     [
         ("a", "f8", (3, MAX_CANDIDATES)),  # what ``may_overlap`` needs of each triangle, a column each
         ("n", "f8", (3, MAX_CANDIDATES)),
-        ("u", "f8", (3, MAX_CANDIDATES)),
-        ("v", "f8", (3, MAX_CANDIDATES)),
+        ("dual_u", "f8", (3, MAX_CANDIDATES)),
+        ("dual_v", "f8", (3, MAX_CANDIDATES)),
         ("row", "i8", (MAX_CANDIDATES,)),  # row of the triangle in the scene
         ("mask", "i8", (MAX_CANDIDATES,)),  # 1 where ``may_overlap`` is true, else 0
         ("rows_to_test", "i8", (2 * SINGLE_STEP_CAPACITY,)),  # of one sweep: for faces first, then again for edges
@@ -165,9 +165,9 @@ def _rebuild(scene: CompiledScene, cache: CandidateCache, p: Vec3, w: Vec3) -> b
 
 @device_function
 def _collect_candidates(
-    scene: CompiledScene, cache: CandidateCache, p: Vec3, w: Vec3, reach: float, capacity: int
+    scene: CompiledScene, cache: CandidateCache, p: Vec3, w: Vec3, inflated_radius: float, capacity: int
 ) -> bool:
-    """Collect all triangles that may be within ``reach`` of the path p to p + w; return whether they fit in the list.
+    """Collect all triangles that may be within ``inflated_radius`` of the path p to p + w; return whether they fit.
 
     The BVH is searched breadth first: the processor can work on several nodes at a time, as none waits for another.
     """
@@ -177,13 +177,13 @@ def _collect_candidates(
 
     # List the triangles of all leaves near the path.
     queue[0] = 0
-    num_queued = INT64_ZERO + 1
+    num_queued = INT64_ONE
     num_visited = INT64_ZERO
     count = INT64_ZERO
     while num_visited < num_queued:
         i = queue[num_visited]
         if i >= 0:
-            intersect_children_swept_sphere(scene.nodes, i, cache.traversal, p, w, reach)
+            intersect_children_swept_sphere(scene.nodes, i, cache.traversal, p, w, inflated_radius)
             for k in range(BVH_WIDTH):
                 queue[num_queued] = scene.nodes[i]["child"][k]
                 num_queued += traversal["hit_mask"][k]
@@ -200,7 +200,7 @@ def _collect_candidates(
 
     # Keep those that may overlap the fattened path.
     _gather_columns(scene.triangles, candidates, count)
-    count = _filter_candidates(candidates, count, p, w, reach, candidates["row"])
+    count = _filter_candidates(candidates, count, p, w, inflated_radius, candidates["row"])
     if count > capacity:
         return False
     _gather_columns(scene.triangles, candidates, count)
@@ -215,22 +215,24 @@ def _gather_columns(triangles: RecordArray, candidates: np.void, count: int) -> 
         triangle = triangles[candidates["row"][k]]
         store_column(candidates["a"], k, vec3(triangle["a"]))
         store_column(candidates["n"], k, vec3(triangle["n"]))
-        store_column(candidates["u"], k, vec3(triangle["u"]))
-        store_column(candidates["v"], k, vec3(triangle["v"]))
+        store_column(candidates["dual_u"], k, vec3(triangle["dual_u"]))
+        store_column(candidates["dual_v"], k, vec3(triangle["dual_v"]))
 
 
 @device_function
-def _filter_candidates(candidates: np.void, count: int, p: Vec3, w: Vec3, reach: float, rows: NDArray[np.int64]) -> int:
-    """Write the rows of the candidates that may be within ``reach`` of the path p to p + w; return their number.
+def _filter_candidates(
+    candidates: np.void, count: int, p: Vec3, w: Vec3, inflated_radius: float, rows: NDArray[np.int64]
+) -> int:
+    """Write the rows of the candidates that may be within ``inflated_radius`` of the path p to p + w; count them.
 
-    The tests are branch-free, so that the compiler makes SIMD instructions of them.
+    The tests are branch-free, so that the loop auto-vectorises.
     """
     for k in range(count):
         a = column(candidates["a"], k)
         n = column(candidates["n"], k)
-        u = column(candidates["u"], k)
-        v = column(candidates["v"], k)
-        candidates["mask"][k] = may_overlap(sub(a, p), n, u, v, w, 0.0, 1.0, reach)
+        dual_u = column(candidates["dual_u"], k)
+        dual_v = column(candidates["dual_v"], k)
+        candidates["mask"][k] = may_overlap(sub(a, p), n, dual_u, dual_v, w, 0.0, 1.0, inflated_radius)
     num_kept = INT64_ZERO
     for k in range(count):
         rows[num_kept] = candidates["row"][k]

@@ -30,7 +30,7 @@ PROJECTION_ROUNDOFF = 2.0**-48
 
 
 @kernel
-def add_contact(contacts: FloatArray, num_contacts: int, n: Vec3, rolling: float) -> int:
+def add_contact(contacts: FloatArray, num_contacts: int, n: Vec3, rolling_coefficient: float) -> int:
     """Add a resting contact, or replace one of the same normal or the most similar of a full set; return the number."""
     row = min(num_contacts, MAX_CONTACTS - 1)
     best_cosine = -1.0
@@ -43,7 +43,7 @@ def add_contact(contacts: FloatArray, num_contacts: int, n: Vec3, rolling: float
     contacts[row, 0] = n.x
     contacts[row, 1] = n.y
     contacts[row, 2] = n.z
-    contacts[row, 3] = rolling
+    contacts[row, 3] = rolling_coefficient
     return max(num_contacts, row + 1)
 
 
@@ -113,7 +113,7 @@ def _in_cone(contacts: FloatArray, num_contacts: int, x: Vec3, i: int, j: int, s
 
 
 @device_function
-def rolling_resistance(contacts: FloatArray, num_contacts: int, gravity: Vec3) -> float:
+def rolling_resistance_deceleration(contacts: FloatArray, num_contacts: int, gravity: Vec3) -> float:
     """Return the deceleration R of a rolling ball, m/s^2: the sum of each contact's coefficient times its load."""
     total = 0.0
     for i in range(num_contacts):
@@ -123,7 +123,7 @@ def rolling_resistance(contacts: FloatArray, num_contacts: int, gravity: Vec3) -
 
 @device_function
 def apply_rolling_resistance(
-    v: Vec3, acceleration: Vec3, resistance: float, time_left: float
+    v: Vec3, acceleration: Vec3, resistance_deceleration: float, time_left: float
 ) -> tuple[Vec3, float, bool]:
     """Return (net acceleration, duration, stops) of a sub-step that lasts at most ``time_left``.
 
@@ -131,24 +131,24 @@ def apply_rolling_resistance(
     velocity along its first direction reaches zero (``stops``). A ball at rest gets zero acceleration and duration.
     """
     if dot(v, v) == 0.0:
-        pull = norm(acceleration)
-        if pull <= resistance:
+        driving_acceleration = norm(acceleration)
+        if driving_acceleration <= resistance_deceleration:
             return Vec3(0.0, 0.0, 0.0), 0.0, True
-        return scale(acceleration, 1.0 - resistance / pull), time_left, False
-    if resistance == 0.0:
+        return scale(acceleration, 1.0 - resistance_deceleration / driving_acceleration), time_left, False
+    if resistance_deceleration == 0.0:
         return acceleration, time_left, False
-    net, speed, deceleration = rolling_deceleration(v, acceleration, resistance)
+    net, speed, deceleration = rolling_kinematics(v, acceleration, resistance_deceleration)
     if deceleration > 0.0 and speed <= deceleration * time_left:
         return net, speed / deceleration, True
     return net, time_left, False
 
 
 @device_function
-def rolling_deceleration(v: Vec3, acceleration: Vec3, resistance: float) -> tuple[Vec3, float, float]:
+def rolling_kinematics(v: Vec3, acceleration: Vec3, resistance_deceleration: float) -> tuple[Vec3, float, float]:
     """Return (net acceleration, speed, deceleration in m/s^2) of a ball that rolls at velocity v."""
     speed = norm(v)
-    net = mul_add(acceleration, -resistance / speed, v)
-    return net, speed, resistance - dot(acceleration, v) / speed
+    net = mul_add(acceleration, -resistance_deceleration / speed, v)
+    return net, speed, resistance_deceleration - dot(acceleration, v) / speed
 
 
 @device_function
@@ -225,7 +225,7 @@ def make_resting(
     contact it leaves, would otherwise throw it to and fro between two contacts in ever smaller hits.
     """
     n = hit.normal
-    num_contacts = add_contact(contacts, num_contacts, n, surface_of(scene, hit)["rolling"])
+    num_contacts = add_contact(contacts, num_contacts, n, surface_of(scene, hit)["rolling_coefficient"])
     if force_resting:
         num_contacts = add_contact(contacts, num_contacts, scale(n, -1.0), 0.0)
 

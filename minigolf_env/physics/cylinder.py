@@ -12,7 +12,7 @@ from minigolf_env.physics.jit import device_function
 from minigolf_env.physics.types import CompiledScene, Vec3
 from minigolf_env.physics.vec3 import dot, mul_add, norm, scale, sub
 
-CORNER_DISTANCE_RATIO = 1.42
+RIM_DISTANCE_RATIO = 1.42
 """Distance from the path to the rim of its cylinder's ends, in radii: the square root of 2, rounded up."""
 
 RADIUS_ROUNDOFF = 1e-14
@@ -55,4 +55,4 @@ def cylinder_contains(cylinder: BoundingCylinder, p: Vec3) -> bool:
 @device_function
 def query_radius(scene: CompiledScene, radius: float) -> float:
     """Return the largest distance from a path of a triangle that a ball in the path's cylinder can touch, m."""
-    return CORNER_DISTANCE_RATIO * radius + scene.radius + 4.0 * scene.eps
+    return RIM_DISTANCE_RATIO * radius + scene.radius + 4.0 * scene.eps

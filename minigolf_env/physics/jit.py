@@ -65,9 +65,13 @@ def _compile(function: Function, **options: Any) -> Function:
 
 
 @contextmanager
-def notify_if_compiling(use: str) -> Iterator[None]:
-    """Print a notice if the first ``use`` in a process takes longer than NOTICE_DELAY: kernels are being compiled."""
-    if use in _used:
+def notify_if_compiling(api_call: str) -> Iterator[None]:
+    """Print a notice if the first ``api_call`` of a process takes longer than NOTICE_DELAY: kernels are being compiled.
+
+    Args:
+        api_call: name of the function of the public API that is being called.
+    """
+    if api_call in _used:
         yield
         return
     timer = threading.Timer(NOTICE_DELAY, _print_notice)
@@ -75,7 +79,7 @@ def notify_if_compiling(use: str) -> Iterator[None]:
     timer.start()
     try:
         yield
-        _used.add(use)
+        _used.add(api_call)
     finally:
         timer.cancel()
 

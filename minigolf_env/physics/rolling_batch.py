@@ -31,13 +31,13 @@ from minigolf_env.physics.contact import (
     add_contact,
     normal_load,
     project_onto_cone,
-    rolling_deceleration,
-    rolling_resistance,
+    rolling_kinematics,
+    rolling_resistance_deceleration,
 )
 from minigolf_env.physics.cylinder import BoundingCylinder, bounding_cylinder, cylinder_contains, query_radius
 from minigolf_env.physics.jit import device_function, kernel
 from minigolf_env.physics.traversal import next_leaf_in_sweep, start_traversal
-from minigolf_env.physics.types import INT64_ZERO, CompiledScene, FloatArray, RecordArray, Vec3
+from minigolf_env.physics.types import INT64_ONE, INT64_ZERO, CompiledScene, FloatArray, RecordArray, Vec3
 from minigolf_env.physics.vec3 import add, column, dot, mul_add, norm, scale, select, store_column, sub, vec3
 
 SIMD_WIDTH = 8
@@ -67,19 +67,19 @@ ROLLING_BATCH_DTYPE = np.dtype(
     [
         ("p", "f8", (3, SIMD_WIDTH)),  # centre of the ball, m
         ("v", "f8", (3, SIMD_WIDTH)),  # m/s
-        ("corner", "f8", (3, SIMD_WIDTH)),  # a corner of the supporting triangle, m
+        ("vertex", "f8", (3, SIMD_WIDTH)),  # a vertex of the supporting triangle, m
         ("normal", "f8", (3, SIMD_WIDTH)),  # its unit normal
         ("tangential_gravity", "f8", (3, SIMD_WIDTH)),  # gravity along the plane, m/s^2
         ("base", "f8", (3, SIMD_WIDTH)),  # cylinder in which the centre must stay, as in BoundingCylinder
         ("axis", "f8", (3, SIMD_WIDTH)),
         ("length", "f8", (SIMD_WIDTH,)),
         ("radius_sq", "f8", (SIMD_WIDTH,)),
-        ("resistance", "f8", (SIMD_WIDTH,)),  # deceleration by rolling resistance, m/s^2
+        ("resistance_deceleration", "f8", (SIMD_WIDTH,)),  # deceleration by rolling resistance, m/s^2
         ("restitution", "f8", (SIMD_WIDTH,)),
         ("max_resting_speed", "f8", (SIMD_WIDTH,)),  # rebound speed up to which a contact is resting, m/s
         ("ball", "i8", (SIMD_WIDTH,)),  # row of the ball in its batch of runs; -1 for an empty slot
         ("support", "i8", (SIMD_WIDTH,)),  # row of the supporting triangle
-        ("steps_left", "i8", (SIMD_WIDTH,)),  # maximum of steps_done
+        ("max_steps", "i8", (SIMD_WIDTH,)),  # maximum of steps_done: the steps of the run that were left on entry
         ("steps_done", "i8", (SIMD_WIDTH,)),  # steps taken in the rolling batch
         ("active", "i8", (SIMD_WIDTH,)),  # 1 while the ball's steps are taken here, else 0
     ]
@@ -101,7 +101,7 @@ def try_enter(
     # Make the contact with the ground, and search the ground ahead.
     surface = scene.surfaces[triangle["surface"]]
     n = vec3(triangle["n"])
-    num_contacts = add_contact(contacts, INT64_ZERO, n, surface["rolling"])
+    num_contacts = add_contact(contacts, INT64_ZERO, n, surface["rolling_coefficient"])
     tangential_gravity = project_onto_cone(contacts, num_contacts, scene.gravity)
     is_flat, cylinder = _find_flat_run(scene, traversal, p, v, tangential_gravity, support)
     if not is_flat:
@@ -110,14 +110,14 @@ def try_enter(
     # Fill the slot.
     store_column(slots["p"], i, p)
     store_column(slots["v"], i, v)
-    store_column(slots["corner"], i, vec3(triangle["a"]))
+    store_column(slots["vertex"], i, vec3(triangle["a"]))
     store_column(slots["normal"], i, n)
     store_column(slots["tangential_gravity"], i, tangential_gravity)
     store_column(slots["base"], i, cylinder.base)
     store_column(slots["axis"], i, cylinder.axis)
     slots["length"][i] = cylinder.length
     slots["radius_sq"][i] = cylinder.radius_sq
-    slots["resistance"][i] = rolling_resistance(contacts, num_contacts, scene.gravity)
+    slots["resistance_deceleration"][i] = rolling_resistance_deceleration(contacts, num_contacts, scene.gravity)
     slots["restitution"][i] = surface["restitution"]
     slots["max_resting_speed"][i] = 0.5 * normal_load(scene.gravity, scene.gravity, n) * scene.dt
     slots["steps_done"][i] = 0
@@ -139,26 +139,26 @@ def _find_flat_run(
         time = math.sqrt(scene.radius / norm(tangential_gravity))
     min_time = MIN_FLAT_RUN_STEPS * scene.dt
     w = scale(v, time)
-    dip = scene.dt * scene.dt * norm(scene.gravity)
-    radius = dip + 0.5 * norm(tangential_gravity) * time * time + 4.0 * scene.eps
-    reach = query_radius(scene, radius)
+    drop = scene.dt * scene.dt * norm(scene.gravity)
+    radius = drop + 0.5 * norm(tangential_gravity) * time * time + 4.0 * scene.eps
+    inflated_radius = query_radius(scene, radius)
 
     # Shorten the path at each triangle of another plane; look for the triangle under the ball.
     is_supported = False
     fraction = 1.0
     start_traversal(traversal)
-    size = INT64_ZERO + 1
+    size = INT64_ONE
     while size > 0 and fraction * time >= min_time:
-        first, size = next_leaf_in_sweep(scene.nodes, traversal, p, scale(w, fraction), reach)
+        first, size = next_leaf_in_sweep(scene.nodes, traversal, p, scale(w, fraction), inflated_radius)
         for i in range(first, first + size):
             triangle = scene.triangles[i]
-            from_corner = sub(p, vec3(triangle["a"]))
-            dual_u = vec3(triangle["u"])
-            dual_v = vec3(triangle["v"])
-            x, y = dot(from_corner, dual_u), dot(from_corner, dual_v)
+            from_vertex = sub(p, vec3(triangle["a"]))
+            dual_u = vec3(triangle["dual_u"])
+            dual_v = vec3(triangle["dual_v"])
+            x, y = dot(from_vertex, dual_u), dot(from_vertex, dual_v)
             if not _is_coplanar(scene, support, i):
                 n = vec3(triangle["n"])
-                fraction = min(fraction, _clear_fraction(from_corner, n, dual_u, dual_v, w, reach))
+                fraction = min(fraction, _clear_fraction(from_vertex, n, dual_u, dual_v, w, inflated_radius))
             elif x > 0.0 and y > 0.0 and x + y < 1.0:
                 is_supported = True
     return is_supported and fraction * time >= min_time, bounding_cylinder(p, scale(w, fraction), radius)
@@ -182,30 +182,30 @@ def _is_coplanar(scene: CompiledScene, row: int, other: int) -> bool:
 
 
 @device_function
-def _clear_fraction(start: Vec3, n: Vec3, u: Vec3, v: Vec3, w: Vec3, reach: float) -> float:
-    """Return up to which fraction of the path w a point is surely beyond ``reach`` of a triangle.
+def _clear_fraction(start: Vec3, n: Vec3, dual_u: Vec3, dual_v: Vec3, w: Vec3, inflated_radius: float) -> float:
+    """Return up to which fraction of the path w a point is surely beyond ``inflated_radius`` of a triangle.
 
     ``start`` is the start of the path relative to the triangle's corner a. The point is clear while it is far enough
     from the plane, or far enough beyond one of the edges.
     """
     height = dot(start, n)
-    climb = dot(w, n)
-    x, y = dot(start, u), dot(start, v)
-    rate_x, rate_y = dot(w, u), dot(w, v)
+    height_rate = dot(w, n)
+    x, y = dot(start, dual_u), dot(start, dual_v)
+    rate_x, rate_y = dot(w, dual_u), dot(w, dual_v)
     side = math.copysign(1.0, height)
-    plane = _first_zero_fraction(side * height - reach, side * climb)
-    edge_e = _first_zero_fraction(-y - reach * norm(v), -rate_y)
-    edge_f = _first_zero_fraction(-x - reach * norm(u), -rate_x)
-    edge_ef = _first_zero_fraction(x + y - 1.0 - reach * norm(add(u, v)), rate_x + rate_y)
+    plane = _first_zero_fraction(side * height - inflated_radius, side * height_rate)
+    edge_e = _first_zero_fraction(-y - inflated_radius * norm(dual_v), -rate_y)
+    edge_f = _first_zero_fraction(-x - inflated_radius * norm(dual_u), -rate_x)
+    edge_ef = _first_zero_fraction(x + y - 1.0 - inflated_radius * norm(add(dual_u, dual_v)), rate_x + rate_y)
     return max(plane, max(max(edge_f, edge_e), edge_ef))
 
 
 @device_function
-def _first_zero_fraction(gap: float, rate: float) -> float:
-    """Return up to which fraction in [0, 1] the linear function gap + fraction * rate is positive."""
-    if gap <= 0.0:
+def _first_zero_fraction(start_value: float, rate: float) -> float:
+    """Return up to which fraction in [0, 1] the linear function start_value + fraction * rate is positive."""
+    if start_value <= 0.0:
         return 0.0
-    return min(1.0, -gap / rate) if rate < 0.0 else 1.0
+    return min(1.0, -start_value / rate) if rate < 0.0 else 1.0
 
 
 @kernel
@@ -230,46 +230,46 @@ def step_rolling(scene: CompiledScene, batch: RecordArray, count: int) -> int:
         # Fall onto the supporting plane: the ball touches it, and its path goes well into it, so that alpha is 0.
         average = mul_add(v, 0.5 * dt, gravity)
         path = scale(average, dt)
-        gap = dot(sub(p, column(slots["corner"], i)), n) - radius
-        climb = dot(path, n)
+        plane_gap = dot(sub(p, column(slots["vertex"], i)), n) - radius
+        height_change = dot(path, n)
         ok = cylinder_contains(cylinder, p) & cylinder_contains(cylinder, add(p, path))
-        ok &= abs(gap) <= CONTACT_TOLERANCE * eps
-        ok &= climb <= -MIN_PENETRATION * eps
-        ok &= climb * climb * radius >= MIN_STEEPNESS * eps * dot(path, path)
+        ok &= abs(plane_gap) <= CONTACT_TOLERANCE * eps
+        ok &= height_change <= -MIN_PENETRATION * eps
+        ok &= height_change * height_change * radius >= MIN_STEEPNESS * eps * dot(path, path)
 
         # Make the contact resting: certain if the average-velocity approach is too slow, as the conservative one is
         # slower.
         ok &= -slots["restitution"][i] * dot(average, n) <= slots["max_resting_speed"][i]
         falling = mul_add(v, -max(0.0, dot(v, n)), n)
         normal_speed = dot(falling, n)
-        w = select(normal_speed < 0.0, mul_add(falling, -normal_speed, n), falling)
-        speed_sq = dot(w, w)
+        rolling_velocity = select(normal_speed < 0.0, mul_add(falling, -normal_speed, n), falling)
+        speed_sq = dot(rolling_velocity, rolling_velocity)
         ok &= speed_sq > PROJECTION_ROUNDOFF * PROJECTION_ROUNDOFF * dot(falling, falling)
         ok &= speed_sq > rounding_time * rounding_time * dot(gravity, gravity)
 
         # Keep the contact: the ball does not separate.
-        normal_speed = dot(n, w)
+        normal_speed = dot(n, rolling_velocity)
         is_grazing = normal_speed * normal_speed <= GRAZING_SPEED_RATIO * GRAZING_SPEED_RATIO * speed_sq
         ok &= (normal_speed <= 0.0) | is_grazing
 
         # Roll along the plane, without stopping.
         tangential_gravity = column(slots["tangential_gravity"], i)
-        resistance = slots["resistance"][i]
-        net, speed, deceleration = rolling_deceleration(w, tangential_gravity, resistance)
-        net = select(resistance == 0.0, tangential_gravity, net)
-        ok &= (resistance == 0.0) | (deceleration <= 0.0) | (speed > deceleration * dt)
-        path = scale(mul_add(w, 0.5 * dt, net), dt)
+        resistance_deceleration = slots["resistance_deceleration"][i]
+        net, speed, deceleration = rolling_kinematics(rolling_velocity, tangential_gravity, resistance_deceleration)
+        net = select(resistance_deceleration == 0.0, tangential_gravity, net)
+        ok &= (resistance_deceleration == 0.0) | (deceleration <= 0.0) | (speed > deceleration * dt)
+        path = scale(mul_add(rolling_velocity, 0.5 * dt, net), dt)
         end = add(p, path)
-        ok &= cylinder_contains(cylinder, end) & (gap + dot(path, n) >= -CONTACT_TOLERANCE * eps)
+        ok &= cylinder_contains(cylinder, end) & (plane_gap + dot(path, n) >= -CONTACT_TOLERANCE * eps)
 
         # Stay within the bounds and the number of steps.
         ok &= (lower.x <= end.x) & (end.x <= upper.x) & (lower.y <= end.y) & (end.y <= upper.y)
         ok &= (lower.z <= end.z) & (end.z <= upper.z)
-        ok &= (slots["active"][i] != 0) & (slots["steps_done"][i] < slots["steps_left"][i])
+        ok &= (slots["active"][i] != 0) & (slots["steps_done"][i] < slots["max_steps"][i])
 
         # Move the ball if all of this holds; else leave it where it is, inactive.
         store_column(slots["p"], i, select(ok, end, p))
-        store_column(slots["v"], i, select(ok, mul_add(w, dt, net), v))
+        store_column(slots["v"], i, select(ok, mul_add(rolling_velocity, dt, net), v))
         slots["active"][i] = ok
         slots["steps_done"][i] += ok
         num_active += ok

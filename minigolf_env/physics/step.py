@@ -21,13 +21,13 @@ from minigolf_env.physics.contact import (
     remove_separating,
     resolve_impact,
     resolve_stop,
-    rolling_resistance,
+    rolling_resistance_deceleration,
     surface_of,
 )
 from minigolf_env.physics.jit import device_function, inlined_kernel, kernel
 from minigolf_env.physics.rolling_batch import ROLLING_BATCH_DTYPE, SIMD_WIDTH, step_rolling, try_enter
 from minigolf_env.physics.sweep import sweep
-from minigolf_env.physics.types import INT64_ZERO, CompiledScene, FloatArray, RecordArray, Status, Vec3
+from minigolf_env.physics.types import INT64_ONE, INT64_ZERO, CompiledScene, FloatArray, RecordArray, Status, Vec3
 from minigolf_env.physics.vec3 import column, dot, mul_add, norm, scale, store, vec3
 
 MAX_SUBSTEPS = 64
@@ -61,8 +61,8 @@ def new_scratch() -> Scratch:
     return Scratch(np.zeros((MAX_CONTACTS, 4)), new_candidate_cache(), np.zeros(1, ROLLING_BATCH_DTYPE))
 
 
-class Balls(NamedTuple):
-    """The balls of a batch of runs."""
+class RunBatch(NamedTuple):
+    """State of the balls of a batch of runs, each from its start to its end."""
 
     positions: FloatArray
     """(N, 3) centres, m: at the start of the runs, and at their end afterwards."""
@@ -105,14 +105,16 @@ def step(
         force_resting = substep >= FORCE_RESTING_AFTER
 
         # Apply rolling resistance: the net acceleration, and the duration if the ball stops before the time is up.
-        resistance = rolling_resistance(contacts, num_contacts, scene.gravity)
-        net, duration, stops = apply_rolling_resistance(v, acceleration, resistance, time_left)
+        resistance_deceleration = rolling_resistance_deceleration(contacts, num_contacts, scene.gravity)
+        net, duration, stops = apply_rolling_resistance(v, acceleration, resistance_deceleration, time_left)
 
-        # A ball without velocity rests if all contacts that touch it hold it, or if it has not moved since it was last
-        # without velocity; else it starts to roll off.
+        # A ball without velocity is at rest if contacts and rolling resistance balance gravity, or if it stopped twice
+        # without moving; else it starts to roll.
         if stops and duration == 0.0:
-            pull, num_contacts = _constrain_to_touching(scene, scratch, p, scene.gravity, 0.5 * scene.dt * scene.dt)
-            if was_stopped or norm(pull) <= rolling_resistance(contacts, num_contacts, scene.gravity):
+            drop_factor = 0.5 * scene.dt * scene.dt  # Times gravity: the drop in a time step.
+            unbalanced, num_contacts = _constrain_to_touching(scene, scratch, p, scene.gravity, drop_factor)
+            holding_deceleration = rolling_resistance_deceleration(contacts, num_contacts, scene.gravity)
+            if was_stopped or norm(unbalanced) <= holding_deceleration:
                 return StepResult(p, net, time_left, True, bounces, False, substep)
             was_stopped = True
             num_contacts = 0
@@ -137,7 +139,7 @@ def step(
         if hit.row < 0:
             if not stops:
                 return StepResult(p, end_velocity, 0.0, False, bounces, False, substep + 1)
-            deceleration = resistance - norm(acceleration)
+            deceleration = resistance_deceleration - norm(acceleration)
             v = Vec3(0.0, 0.0, 0.0) if force_resting else resolve_stop(v, end_velocity, deceleration, scene.eps)
         else:
             v, is_resting = resolve_impact(scene, hit, average, end_velocity, acceleration, net, duration)
@@ -169,12 +171,11 @@ def _log_impact(log: FloatArray, row: int, time: float, p: Vec3, n: Vec3, triang
 
 
 @device_function
-def _constrain_to_touching(
-    scene: CompiledScene, scratch: Scratch, p: Vec3, x: Vec3, duration: float
-) -> tuple[Vec3, int]:
+def _constrain_to_touching(scene: CompiledScene, scratch: Scratch, p: Vec3, x: Vec3, factor: float) -> tuple[Vec3, int]:
     """Project the vector x onto the cone of all contacts that touch the ball at p; return it and their number.
 
-    The contacts are found one by one, by sweeping along what is left of x for a duration.
+    The contacts are found one by one, by sweeping along the projected vector times ``factor``, a displacement: dt for a
+    velocity, dt^2 / 2 for an acceleration.
     """
     contacts = scratch.contacts
     projected = x
@@ -182,10 +183,10 @@ def _constrain_to_touching(
     for _ in range(MAX_CONTACTS):
         if dot(projected, projected) == 0.0:
             break
-        hit = sweep(scene, scratch.cache.traversal, p, scale(projected, duration))
+        hit = sweep(scene, scratch.cache.traversal, p, scale(projected, factor))
         if hit.alpha > 0.0:
             break
-        num_contacts = add_contact(contacts, num_contacts, hit.normal, surface_of(scene, hit)["rolling"])
+        num_contacts = add_contact(contacts, num_contacts, hit.normal, surface_of(scene, hit)["rolling_coefficient"])
         projected = project_onto_cone(contacts, num_contacts, x)
     return projected, num_contacts
 
@@ -211,7 +212,7 @@ def simulate_range(
     scene: CompiledScene,
     scratch: Scratch,
     max_steps: int,
-    balls: Balls,
+    runs: RunBatch,
     path: FloatArray,
     log: FloatArray,
 ) -> None:
@@ -239,7 +240,7 @@ def simulate_range(
                 if slots["ball"][k] < 0:
                     slots["ball"][k] = next_ball
                     next_ball += 1
-                if not _advance_alone(scene, scratch, k, slots["ball"][k], max_steps, balls, path, log):
+                if not _advance_alone(scene, scratch, k, slots["ball"][k], max_steps, runs, path, log):
                     slots["ball"][k] = -1
             any_active |= slots["active"][k] != 0
 
@@ -256,16 +257,16 @@ def _advance_alone(
     k: int,
     i: int,
     max_steps: int,
-    balls: Balls,
+    runs: RunBatch,
     path: FloatArray,
     log: FloatArray,
 ) -> bool:
     """Advance ball i alone until it enters slot k of the rolling batch or its run ends; return whether it entered."""
     slots = scratch.rolling_batch[0]
     cache = scratch.cache
-    result = balls.results[i]
-    p = vec3(balls.positions[i])
-    v = vec3(balls.velocities[i])
+    result = runs.results[i]
+    p = vec3(runs.positions[i])
+    v = vec3(runs.velocities[i])
     steps = result["steps"]
     bounces = result["bounces"]
     exhausted = result["exhausted"]
@@ -275,7 +276,7 @@ def _advance_alone(
     if slots["steps_done"][k] > 0:
         p = column(slots["p"], k)
         v = column(slots["v"], k)
-        rolling_steps = INT64_ZERO + 1
+        rolling_steps = INT64_ONE
         steps += slots["steps_done"][k]
         slots["steps_done"][k] = 0
 
@@ -287,7 +288,7 @@ def _advance_alone(
         if rolling_steps > 0 and rolling_steps & (rolling_steps - 1) == 0 and len(path) == 0:
             entered = try_enter(scene, cache.traversal, scratch.contacts, scratch.rolling_batch, k, p, v)
         if entered:
-            slots["steps_left"][k] = max_steps - steps
+            slots["max_steps"][k] = max_steps - steps
             break
 
         # Take a time step.
@@ -311,8 +312,8 @@ def _advance_alone(
             status = STATUS_OUT_OF_BOUNDS
             break
 
-    store(balls.positions[i], p)
-    store(balls.velocities[i], v)
+    store(runs.positions[i], p)
+    store(runs.velocities[i], v)
     _store_result(result, scene.dt, status, steps, bounces, exhausted, time_left)
     return entered
 

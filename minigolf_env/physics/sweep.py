@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from minigolf_env.physics.jit import device_function, kernel
 from minigolf_env.physics.swept_sphere import ALPHA_DEFERRED, ALPHA_MISS, closest_point_offset, sweep_triangle
 from minigolf_env.physics.traversal import next_leaf_in_radius, next_leaf_in_sweep, start_traversal
-from minigolf_env.physics.types import BOOL_TRUE, INT64_ZERO, CompiledScene, FloatArray, RecordArray, Vec3
+from minigolf_env.physics.types import BOOL_TRUE, INT64_ONE, CompiledScene, FloatArray, RecordArray, Vec3
 from minigolf_env.physics.vec3 import dot, norm, scale, store, vec3
 
 
@@ -54,11 +54,11 @@ def sweep(scene: CompiledScene, traversal: RecordArray, p: Vec3, w: Vec3) -> Col
     Boxes beyond the first hit so far are culled, with twice the tolerance to spare: rounding loses no tie.
     """
     best = no_hit()
-    reach = scene.radius + 2.0 * scene.eps
+    inflated_radius = scene.radius + 2.0 * scene.eps
     start_traversal(traversal)
-    size = INT64_ZERO + 1
+    size = INT64_ONE
     while size > 0:
-        first, size = next_leaf_in_sweep(scene.nodes, traversal, p, scale(w, best.alpha), reach)
+        first, size = next_leaf_in_sweep(scene.nodes, traversal, p, scale(w, best.alpha), inflated_radius)
         for i in range(first, first + size):
             best, _ = update_first_hit(scene.triangles, i, p, w, scene.radius, scene.eps, best, BOOL_TRUE)
     return best
@@ -92,7 +92,7 @@ def distance_to_nearest(scene: CompiledScene, traversal: RecordArray, p: Vec3) -
     """Return the distance from the point p to the nearest triangle, m."""
     best = np.inf
     start_traversal(traversal)
-    size = INT64_ZERO + 1
+    size = INT64_ONE
     while size > 0:
         first, size = next_leaf_in_radius(scene.nodes, traversal, p, best)
         for i in range(first, first + size):
@@ -101,14 +101,14 @@ def distance_to_nearest(scene: CompiledScene, traversal: RecordArray, p: Vec3) -
 
 
 @device_function
-def any_triangle_within(scene: CompiledScene, traversal: RecordArray, p: Vec3, reach: float) -> bool:
-    """Return whether a triangle is closer than ``reach`` to the point p; cheaper than the distance to the nearest."""
+def any_triangle_within(scene: CompiledScene, traversal: RecordArray, p: Vec3, distance: float) -> bool:
+    """Return whether a triangle is closer than ``distance`` to the point p: cheaper than finding the nearest."""
     start_traversal(traversal)
-    size = INT64_ZERO + 1
+    size = INT64_ONE
     while size > 0:
-        first, size = next_leaf_in_radius(scene.nodes, traversal, p, reach)
+        first, size = next_leaf_in_radius(scene.nodes, traversal, p, distance)
         for i in range(first, first + size):
-            if norm(closest_point_offset(scene.triangles[i], p)) < reach:
+            if norm(closest_point_offset(scene.triangles[i], p)) < distance:
                 return True
     return False
 

@@ -54,14 +54,14 @@ def closest_on_segment(a: Vec3, ab: Vec3) -> Vec3:
 
 
 @device_function
-def closest_point(a: Vec3, e: Vec3, f: Vec3, n: Vec3, u: Vec3, v: Vec3) -> Vec3:
+def closest_point(a: Vec3, e: Vec3, f: Vec3, n: Vec3, dual_u: Vec3, dual_v: Vec3) -> Vec3:
     """Return the closest point to the origin of a triangle, given as in TRIANGLE_DTYPE with a relative to the origin.
 
     Over the face it is the origin's projection on the plane, elsewhere the nearest point of the edges that the origin
     is beyond. Near an edge both are the same point, so that a wrong choice by rounding does no harm. A triangle
     without area is its edges.
     """
-    x, y = -dot(a, u), -dot(a, v)
+    x, y = -dot(a, dual_u), -dot(a, dual_v)
     best_sq = math.inf
     q = scale(n, dot(a, n))
     if y <= 0.0:
@@ -103,8 +103,8 @@ def sweep_triangle(
         return ALPHA_MISS, n
 
     # Find when the sphere touches the plane: no hit is earlier. Over the face, that is the hit.
-    u = vec3(triangle["u"])
-    v = vec3(triangle["v"])
+    dual_u = vec3(triangle["dual_u"])
+    dual_v = vec3(triangle["dual_v"])
     t = 0.0
     gap = abs(height) - radius
     rate = abs(wn)
@@ -117,23 +117,23 @@ def sweep_triangle(
         if (
             gap >= -2.0 * eps
             and is_approaching(-rate, w)
-            and _is_over_face(-dot(a, u), -dot(a, v), dot(w, u), dot(w, v), t)
-            and _is_over_face(-dot(a, u), -dot(a, v), dot(w, u), dot(w, v), t_deep)
+            and _is_over_face(-dot(a, dual_u), -dot(a, dual_v), dot(w, dual_u), dot(w, dual_v), t)
+            and _is_over_face(-dot(a, dual_u), -dot(a, dual_v), dot(w, dual_u), dot(w, dual_v), t_deep)
         ):
             return t, scale(n, math.copysign(1.0, height))
 
     # Reject triangles that the sphere surely stays clear of.
-    if not may_overlap(a, n, u, v, w, t, max_fraction, radius + 2.0 * eps):
+    if not may_overlap(a, n, dual_u, dual_v, w, t, max_fraction, radius + 2.0 * eps):
         return ALPHA_MISS, n
     if not test_edges:
         return ALPHA_DEFERRED, n
-    if _stays_clear(a, n, u, v, w, t, radius - CLEARANCE_MARGIN * eps):
+    if _stays_clear(a, n, dual_u, dual_v, w, t, radius - CLEARANCE_MARGIN * eps):
         return ALPHA_MISS, n
 
     # Find the time of impact with an edge or a corner.
     e = vec3(triangle["e"])
     f = vec3(triangle["f"])
-    t, normal = _first_contact_newton(a, e, f, n, u, v, w, t, radius, eps, max_fraction)
+    t, normal = _first_contact_newton(a, e, f, n, dual_u, dual_v, w, t, radius, eps, max_fraction)
 
     # A hit at an edge, but flush with the face, is a ball that rolls over a seam: it has the face's normal, and only
     # counts if the ball approaches the face.
@@ -159,63 +159,77 @@ def _is_over_face(x0: float, y0: float, rate_x: float, rate_y: float, t: float) 
 
 
 @device_function
-def may_overlap(a: Vec3, n: Vec3, u: Vec3, v: Vec3, w: Vec3, t: float, end: float, reach: float) -> bool:
-    """Return whether the centre may be within ``reach`` of a triangle from t to ``end``: false only if it never is.
+def may_overlap(
+    a: Vec3, n: Vec3, dual_u: Vec3, dual_v: Vec3, w: Vec3, t: float, end: float, inflated_radius: float
+) -> bool:
+    """Return whether the centre may be within ``inflated_radius`` of a triangle from t to ``end``; false is certain.
 
     Cheaper than a distance: it uses the height over the plane, and how far the centre stays beyond one of the edges.
     Branch-free, for SIMD loops.
     """
-    # The lowest height on the path leaves the largest reach in the plane.
+    # Intersect the inflated sphere with the plane at the lowest height on the path: there the circle is largest.
     height_start = dot(a, n) - t * dot(w, n)
     height_end = dot(a, n) - end * dot(w, n)
     lowest = min(abs(height_start), abs(height_end)) if height_start * height_end > 0.0 else 0.0
-    reach_in_plane_sq = reach * reach - lowest * lowest
+    in_plane_radius_sq = inflated_radius * inflated_radius - lowest * lowest
 
-    # Coordinates along the edges: the centre is beyond an edge where its coordinate is negative at both ends.
-    x_start, y_start = t * dot(w, u) - dot(a, u), t * dot(w, v) - dot(a, v)
-    x_end, y_end = end * dot(w, u) - dot(a, u), end * dot(w, v) - dot(a, v)
+    # Barycentric coordinates x, y and 1 - x - y: the centre is beyond an edge where the coordinate of the opposite
+    # vertex is negative at both ends.
+    x_start, y_start = t * dot(w, dual_u) - dot(a, dual_u), t * dot(w, dual_v) - dot(a, dual_v)
+    x_end, y_end = end * dot(w, dual_u) - dot(a, dual_u), end * dot(w, dual_v) - dot(a, dual_v)
     x = max(x_start, x_end)
     y = max(y_start, y_end)
-    z = max(1.0 - x_start - y_start, 1.0 - x_end - y_end)
-    uv = add(u, v)
-    is_clear = (x < 0.0) & (x * x > reach_in_plane_sq * dot(u, u))
-    is_clear |= (y < 0.0) & (y * y > reach_in_plane_sq * dot(v, v))
-    is_clear |= (z < 0.0) & (z * z > reach_in_plane_sq * dot(uv, uv))
-    return not (is_clear | (reach_in_plane_sq < 0.0))
+    rest = max(1.0 - x_start - y_start, 1.0 - x_end - y_end)
+    dual_uv = add(dual_u, dual_v)
+    is_clear = (x < 0.0) & (x * x > in_plane_radius_sq * dot(dual_u, dual_u))
+    is_clear |= (y < 0.0) & (y * y > in_plane_radius_sq * dot(dual_v, dual_v))
+    is_clear |= (rest < 0.0) & (rest * rest > in_plane_radius_sq * dot(dual_uv, dual_uv))
+    return not (is_clear | (in_plane_radius_sq < 0.0))
 
 
 @device_function
-def _stays_clear(a: Vec3, n: Vec3, u: Vec3, v: Vec3, w: Vec3, t: float, depth: float) -> bool:
-    """Return whether the centre stays ``depth`` away from a triangle from t on: true only if it surely does.
+def _stays_clear(a: Vec3, n: Vec3, dual_u: Vec3, dual_v: Vec3, w: Vec3, t: float, min_distance: float) -> bool:
+    """Return whether the centre stays ``min_distance`` away from a triangle from t on: true only if it surely does.
 
     A triangle lies in the half plane behind each of its edges and is no nearer than that. For a ball that rolls off
     over an edge, nearly along the tangent, Newton's method takes a dozen iterations, and this test a division.
     """
     height = -dot(a, n)
-    climb = dot(w, n)
-    x, y = -dot(a, u), -dot(a, v)
-    rate_x, rate_y = dot(w, u), dot(w, v)
-    uv = add(u, v)
+    height_rate = dot(w, n)
+    x, y = -dot(a, dual_u), -dot(a, dual_v)
+    rate_x, rate_y = dot(w, dual_u), dot(w, dual_v)
+    dual_uv = add(dual_u, dual_v)
     return (
-        _stays_clear_of_edge(-x, -rate_x, dot(u, u), height, climb, t, depth)
-        or _stays_clear_of_edge(-y, -rate_y, dot(v, v), height, climb, t, depth)
-        or _stays_clear_of_edge(x + y - 1.0, rate_x + rate_y, dot(uv, uv), height, climb, t, depth)
+        _stays_clear_of_edge(-x, -rate_x, dot(dual_u, dual_u), height, height_rate, t, min_distance)
+        or _stays_clear_of_edge(-y, -rate_y, dot(dual_v, dual_v), height, height_rate, t, min_distance)
+        or _stays_clear_of_edge(
+            x + y - 1.0, rate_x + rate_y, dot(dual_uv, dual_uv), height, height_rate, t, min_distance
+        )
     )
 
 
 @device_function
 def _stays_clear_of_edge(
-    beyond: float, rate: float, stretch_sq: float, height: float, climb: float, t: float, depth: float
+    edge_coordinate: float,
+    rate: float,
+    scale_sq: float,
+    height: float,
+    height_rate: float,
+    t: float,
+    min_distance: float,
 ) -> bool:
-    """Return whether the centre is beyond an edge when it comes nearest to the edge's line, and ``depth`` away from it.
+    """Return whether the centre, where nearest to an edge's line, is beyond the edge and ``min_distance`` from it.
 
-    ``beyond`` and its ``rate`` are lengths times the root of ``stretch_sq``. Without area all are zero: false.
+    ``edge_coordinate`` is positive beyond the edge: the distance across the edge times the root of ``scale_sq``. It
+    changes by ``rate`` over the path. Without area all are zero, and the result is false.
     """
-    nearest = -(beyond * rate + stretch_sq * height * climb) / (rate * rate + stretch_sq * climb * climb)
+    nearest = -(edge_coordinate * rate + scale_sq * height * height_rate) / (
+        rate * rate + scale_sq * height_rate * height_rate
+    )
     nearest = min(1.0, max(t, nearest))
-    x = beyond + nearest * rate
-    z = height + nearest * climb
-    return x > 0.0 and x * x + stretch_sq * z * z >= stretch_sq * depth * depth
+    across = edge_coordinate + nearest * rate
+    up = height + nearest * height_rate
+    return across > 0.0 and across * across + scale_sq * up * up >= scale_sq * min_distance * min_distance
 
 
 @device_function
@@ -224,8 +238,8 @@ def _first_contact_newton(
     e: Vec3,
     f: Vec3,
     n: Vec3,
-    u: Vec3,
-    v: Vec3,
+    dual_u: Vec3,
+    dual_v: Vec3,
     w: Vec3,
     t: float,
     radius: float,
@@ -236,7 +250,7 @@ def _first_contact_newton(
     normal = n
     for _ in range(MAX_NEWTON_ITERATIONS):
         # Evaluate the gap and its rate.
-        q = closest_point(mul_add(a, -t, w), e, f, n, u, v)
+        q = closest_point(mul_add(a, -t, w), e, f, n, dual_u, dual_v)
         distance = norm(q)
         normal = _contact_normal(q, distance, w, n)
         gap = distance - radius
@@ -248,7 +262,7 @@ def _first_contact_newton(
 
         # Touching is a hit only if the rest of the path ends deeper than eps.
         if gap <= eps:
-            if gap + (1.0 - t) * rate >= -eps or not _penetrates(a, e, f, n, u, v, w, t, radius - eps):
+            if gap + (1.0 - t) * rate >= -eps or not _penetrates(a, e, f, n, dual_u, dual_v, w, t, radius - eps):
                 return ALPHA_MISS, normal
             return t, normal
 
@@ -263,17 +277,19 @@ def _first_contact_newton(
 
 
 @device_function
-def _penetrates(a: Vec3, e: Vec3, f: Vec3, n: Vec3, u: Vec3, v: Vec3, w: Vec3, t: float, depth: float) -> bool:
-    """Return whether the centre comes closer than ``depth`` after t, by Newton's method from a touch at t."""
+def _penetrates(
+    a: Vec3, e: Vec3, f: Vec3, n: Vec3, dual_u: Vec3, dual_v: Vec3, w: Vec3, t: float, min_distance: float
+) -> bool:
+    """Return whether the centre comes closer than ``min_distance`` after t, by Newton's method from a touch at t."""
     for _ in range(MAX_NEWTON_ITERATIONS):
-        q = closest_point(mul_add(a, -t, w), e, f, n, u, v)
+        q = closest_point(mul_add(a, -t, w), e, f, n, dual_u, dual_v)
         distance = norm(q)
         rate = dot(_contact_normal(q, distance, w, n), w)
-        if distance < depth:
+        if distance < min_distance:
             return True
         if not is_approaching(rate, w):
             return False
-        next_t = t - (distance - depth) / rate
+        next_t = t - (distance - min_distance) / rate
         if next_t >= 1.0:
             return False
         if next_t <= t:
@@ -304,6 +320,6 @@ def closest_point_offset(triangle: np.void, p: Vec3) -> Vec3:
         vec3(triangle["e"]),
         vec3(triangle["f"]),
         vec3(triangle["n"]),
-        vec3(triangle["u"]),
-        vec3(triangle["v"]),
+        vec3(triangle["dual_u"]),
+        vec3(triangle["dual_v"]),
     )

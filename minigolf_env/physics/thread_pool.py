@@ -8,7 +8,6 @@ import threading
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from itertools import pairwise
-from typing import Any
 
 import numba
 import numpy as np
@@ -26,15 +25,15 @@ _lock = threading.RLock()
 """Held while chunks are submitted to a pool, and during a fork."""
 
 
-def parallel_for(run: Callable[..., None], n: int, *arguments: Any) -> None:
-    """Call run(first, last, *arguments) on chunks of range(n), on as many threads as numba is set to use.
+def parallel_for(process_chunk: Callable[[int, int], None], n: int) -> None:
+    """Call process_chunk(first, last) on chunks of range(n), on as many threads as numba is set to use.
 
     Plain threads suffice, as the kernels release the GIL: there is no threading layer that a fork breaks, and no second
     compilation. The threads are kept, since starting them takes as long as a thousand balls at rest. After an
     interrupt, such as Ctrl-C, no further chunk starts.
     """
     if n <= 1:
-        run(0, n, *arguments)
+        process_chunk(0, n)
         return
     num_threads = _num_threads()
     num_chunks = 1 if num_threads == 1 else min(n, CHUNKS_PER_THREAD * num_threads)
@@ -42,14 +41,14 @@ def parallel_for(run: Callable[..., None], n: int, *arguments: Any) -> None:
     chunks = list(pairwise(np.linspace(0, n, num_chunks + 1).astype(int).tolist()))
     if num_threads == 1:
         for first, last in chunks:
-            run(first, last, *arguments)
+            process_chunk(first, last)
         return
     futures: list[Future[None]] = []
     try:
         with _lock:
             pool = _pools.get(num_threads) or _pools.setdefault(num_threads, ThreadPoolExecutor(num_threads))
             for first, last in chunks:
-                futures.append(pool.submit(run, first, last, *arguments))
+                futures.append(pool.submit(process_chunk, first, last))
         wait(futures)
     except BaseException:
         for future in futures:

@@ -1,14 +1,15 @@
 """Traversal of the bounding volume hierarchy: the leaves near a swept sphere, or near a point.
 
 The child boxes of a node are tested together with SIMD instructions. Those that are hit are pushed on a stack far to
-near, so that the nearest is visited first and an early hit culls the rest. Example: a sphere of radius ``reach`` sweeps
-from p to p + w, and w is shortened at each hit that is found::
+near, so that the nearest is visited first and an early hit culls the rest. Example: a sphere sweeps from p to
+p + w, and w is shortened at each hit that is found. ``inflated_radius`` is the sphere's radius and a margin, by which
+the boxes are inflated (Minkowski sum)::
 
-    start_traversal(traversal)                                                # stack: [root]
-    first, size = next_leaf_in_sweep(nodes, traversal, p, w, reach)           # pop the root, push its children 5, 2;
-                                                                              # pop 2, a leaf: triangles 8 to 10
-    first, size = next_leaf_in_sweep(nodes, traversal, p, alpha * w, reach)   # pop 5, test against the shorter path
-    ...                                                                       # until size is 0
+    start_traversal(traversal)  # stack: [root]
+    # Pop the root and push its children 5, 2; pop 2, a leaf of triangles 8 to 10.
+    first, size = next_leaf_in_sweep(nodes, traversal, p, w, inflated_radius)
+    # Pop 5, and test its children against the shorter path; and so on until size is 0.
+    first, size = next_leaf_in_sweep(nodes, traversal, p, alpha * w, inflated_radius)
 
 The leaves are a superset of those needed. Which others are visited changes the cost and, apart from the last bit of a
 distance, no result.
@@ -51,28 +52,31 @@ def start_traversal(traversal: RecordArray) -> None:
 
 
 @device_function
-def next_leaf_in_sweep(nodes: RecordArray, traversal: RecordArray, p: Vec3, w: Vec3, reach: float) -> tuple[int, int]:
-    """Return the next leaf whose box may be within ``reach`` of the path p to p + w: first triangle, triangle count.
+def next_leaf_in_sweep(
+    nodes: RecordArray, traversal: RecordArray, p: Vec3, w: Vec3, inflated_radius: float
+) -> tuple[int, int]:
+    """Return (first triangle, triangle count) of the next leaf that may be within ``inflated_radius`` of the path.
 
-    The count is 0 at the end. Boxes already on the stack are not tested again when the path has become shorter.
+    The path leads from p to p + w. The count is 0 at the end. Boxes already on the stack are not tested again when the
+    path has become shorter.
     """
     while traversal[0]["stack_size"] > 0:
         i = _pop(traversal)
         if i < 0:
             return decode_leaf(i)
-        intersect_children_swept_sphere(nodes, i, traversal, p, w, reach)
+        intersect_children_swept_sphere(nodes, i, traversal, p, w, inflated_radius)
         _push_hit_children(nodes, i, traversal)
     return INT64_ZERO, INT64_ZERO
 
 
 @device_function
-def next_leaf_in_radius(nodes: RecordArray, traversal: RecordArray, p: Vec3, reach: float) -> tuple[int, int]:
-    """Return the next leaf whose box is within ``reach`` of the point p: first triangle, triangle count or 0."""
+def next_leaf_in_radius(nodes: RecordArray, traversal: RecordArray, p: Vec3, distance: float) -> tuple[int, int]:
+    """Return the next leaf whose box is within ``distance`` of the point p: first triangle, triangle count or 0."""
     while traversal[0]["stack_size"] > 0:
         i = _pop(traversal)
         if i < 0:
             return decode_leaf(i)
-        _intersect_children_sphere(nodes, i, traversal, p, reach)
+        _intersect_children_sphere(nodes, i, traversal, p, distance)
         _push_hit_children(nodes, i, traversal)
     return INT64_ZERO, INT64_ZERO
 
@@ -124,9 +128,9 @@ def _push_hit_children(nodes: RecordArray, i: int, traversal: RecordArray) -> No
 
 @device_function
 def intersect_children_swept_sphere(
-    nodes: RecordArray, i: int, traversal: RecordArray, p: Vec3, w: Vec3, reach: float
+    nodes: RecordArray, i: int, traversal: RecordArray, p: Vec3, w: Vec3, inflated_radius: float
 ) -> None:
-    """Intersect the children of node i with the path p to p + w, fattened by ``reach``: set hit mask and sort keys.
+    """Intersect the boxes of node i, inflated, with the path p to p + w: set hit mask and sort keys.
 
     Separating axes of a segment and a box (C. Ericson, Real-Time Collision Detection, 2005, section 5.3.3): the three
     axes of the box, the direction from the box to the middle of the path, and the cross products. There is no division
@@ -141,16 +145,16 @@ def intersect_children_swept_sphere(
         box = column(node["half_extent"], k)
         to_middle = sub(middle, column(node["center"], k))
         x, y, z = to_middle
-        ex, ey, ez = box.x + reach, box.y + reach, box.z + reach
+        ex, ey, ez = box.x + inflated_radius, box.y + inflated_radius, box.z + inflated_radius
 
         # The axes of the box.
         overlaps = (abs(x) <= ex + ax) & (abs(y) <= ey + ay) & (abs(z) <= ez + az)
 
         # The direction from the box to the middle of the path, squared to spare the division by its length.
-        gap = _box_to_point(to_middle, box)
-        distance_sq = dot(gap, gap)
-        clearance = distance_sq - abs(dot(gap, half))
-        separated = (clearance > 0.0) & (clearance * clearance > reach * reach * distance_sq)
+        box_to_middle = _box_to_point(to_middle, box)
+        distance_sq = dot(box_to_middle, box_to_middle)
+        clearance = distance_sq - abs(dot(box_to_middle, half))
+        separated = (clearance > 0.0) & (clearance * clearance > inflated_radius * inflated_radius * distance_sq)
 
         # The cross products of the box's axes and the path.
         separated |= abs(y * half.z - z * half.y) > ey * az + ez * ay
@@ -162,13 +166,13 @@ def intersect_children_swept_sphere(
 
 
 @device_function
-def _intersect_children_sphere(nodes: RecordArray, i: int, traversal: RecordArray, p: Vec3, reach: float) -> None:
-    """Intersect the children of node i with the sphere around p of radius ``reach``: set hit mask and sort keys."""
+def _intersect_children_sphere(nodes: RecordArray, i: int, traversal: RecordArray, p: Vec3, radius: float) -> None:
+    """Intersect the children of node i with the sphere around p of radius ``radius``: set hit mask and sort keys."""
     node = nodes[i]
     state = traversal[0]
     for k in range(node["num_slots"]):
         distance = norm(_box_to_point(sub(p, column(node["center"], k)), column(node["half_extent"], k)))
-        state["hit_mask"][k] = distance <= reach
+        state["hit_mask"][k] = distance <= radius
         state["sort_key"][k] = -distance
 
 

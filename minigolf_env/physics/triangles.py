@@ -20,20 +20,20 @@ SPLIT_FACTOR = 134217729.0
 """2**27 + 1: splits the 53 bits of a float64 significand in two halves (Dekker 1971)."""
 
 
-def build_triangles(corners: FloatArray) -> RecordArray:
+def build_triangles(vertices: FloatArray) -> RecordArray:
     """Return triangles (n, 3, 3) as two-sided TRIANGLE_DTYPE records, numbered in order."""
-    # Rotate the corners so that the first is opposite the longest edge: u + v, the direction across that edge, then
+    # Rotate the vertices so that the first is opposite the longest edge: u + v, the direction across that edge, then
     # keeps its digits in needles.
-    opposite = np.linalg.norm(corners[:, [2, 0, 1]] - corners[:, [1, 2, 0]], axis=2)
+    opposite = np.linalg.norm(vertices[:, [2, 0, 1]] - vertices[:, [1, 2, 0]], axis=2)
     rotated = (opposite.argmax(axis=1)[:, None] + np.arange(3)) % 3
-    corners = corners[np.arange(len(corners))[:, None], rotated]
+    vertices = vertices[np.arange(len(vertices))[:, None], rotated]
 
-    records = np.zeros(len(corners), TRIANGLE_DTYPE)
-    records["a"] = corners[:, 0]
-    records["e"] = corners[:, 1] - corners[:, 0]
-    records["f"] = corners[:, 2] - corners[:, 0]
-    records["n"], records["u"], records["v"] = face_frames(corners)
-    records["triangle_id"] = np.arange(len(corners))
+    records = np.zeros(len(vertices), TRIANGLE_DTYPE)
+    records["a"] = vertices[:, 0]
+    records["e"] = vertices[:, 1] - vertices[:, 0]
+    records["f"] = vertices[:, 2] - vertices[:, 0]
+    records["n"], records["dual_u"], records["dual_v"] = face_frames(vertices)
+    records["triangle_id"] = np.arange(len(vertices))
     return records
 
 

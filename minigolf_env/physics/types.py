@@ -24,6 +24,9 @@ rounding cannot use up the guarantee."""
 INT64_ZERO = cast(int, np.int64(0))
 """Zero as an int64. To numba a literal 0 has another type, for which it would compile the callees a second time."""
 
+INT64_ONE = cast(int, np.int64(1))
+"""One as an int64, for the same reason."""
+
 BOOL_TRUE = cast(bool, np.bool_(True))
 """True as a numpy bool. To numba a literal True has another type, for which it would compile the callees again."""
 
@@ -164,12 +167,16 @@ NODE_DTYPE = np.dtype(
 
 TRIANGLE_DTYPE = np.dtype(
     [
-        ("n", "f8", (3,)),  # unit normal; zero without area, as u and v are
-        ("a", "f8", (3,)),  # a corner, m
-        ("u", "f8", (3,)),  # 1/m; the plane's point a + x is a + (x . u) e + (x . v) f
-        ("v", "f8", (3,)),  # 1/m
-        ("e", "f8", (3,)),  # edge from a to the second corner, m
-        ("f", "f8", (3,)),  # edge from a to the third corner, m
+        ("n", "f8", (3,)),  # unit normal; zero without area, as dual_u and dual_v are
+        ("a", "f8", (3,)),  # the first vertex, m
+        (
+            "dual_u",
+            "f8",
+            (3,),
+        ),  # 1/m, dual basis of e, f: a + x in the plane is a + (x . dual_u) e + (x . dual_v) f
+        ("dual_v", "f8", (3,)),  # 1/m
+        ("e", "f8", (3,)),  # edge from a to the second vertex, m
+        ("f", "f8", (3,)),  # edge from a to the third vertex, m
         ("triangle_id", "i8"),  # index in the caller's order
         ("surface", "i4"),  # row of the surface; one row for each mesh
         ("one_sided", "?"),  # only a ball that moves against n can hit it; false without area
@@ -182,7 +189,7 @@ SURFACE_DTYPE = np.dtype(
     [
         ("restitution", "f8"),  # e
         ("tangential", "f8"),  # t
-        ("rolling", "f8"),  # c
+        ("rolling_coefficient", "f8"),  # c
     ]
 )
 """Material record; see ``Surface``."""

@@ -51,18 +51,22 @@ def sweep_sphere(start: ArrayLike, end: ArrayLike, radius: float, triangles: Arr
         start: (3,) the centre at the start, m.
         end: (3,) the centre at the end, m.
         radius: m, > 0.
-        triangles: (n, 3, 3) corners, m.
+        triangles: (n, 3, 3) vertices, m.
 
     Raises:
         ValueError: wrong shapes, values that are not finite, radius <= 0 or too small compared with the coordinates.
     """
     radius = positive_number(radius, "radius", "give the sphere's radius in metres.")
     p, q = _point(start, "start"), _point(end, "end")
-    corners = finite_array(triangles, (None, 3, 3), "triangles", "give three corners of x, y, z a triangle.")
-    scale = max(radius, *(float(np.abs(array).max(initial=0.0)) for array in (p, q, corners)))
+    triangle_vertices = finite_array(
+        triangles, (None, 3, 3), "triangles", "give three vertices (x, y, z) per triangle."
+    )
+    scale = max(radius, *(float(np.abs(array).max(initial=0.0)) for array in (p, q, triangle_vertices)))
     _check_radius_resolvable(radius, scale, "radius")
     with notify_if_compiling("sweep_sphere"):
-        hit = sweep_brute_force(build_triangles(corners), Vec3(*p), Vec3(*(q - p)), radius, RELATIVE_TOLERANCE * scale)
+        hit = sweep_brute_force(
+            build_triangles(triangle_vertices), Vec3(*p), Vec3(*(q - p)), radius, RELATIVE_TOLERANCE * scale
+        )
     return _public_hit(hit)
 
 
@@ -108,21 +112,21 @@ class World:
         self.dt = positive_number(dt, "dt", "1/120 s suits minigolf.")
         self.impact = one_of(impact, IMPACT_MODELS, "impact")
         self.bounds = _validated_bounds(bounds)
-        corners = np.concatenate([mesh.triangles for mesh in self.meshes])
-        self.coordinate_scale = max(self.ball_radius, float(np.abs(corners).max()))
+        triangle_vertices = np.concatenate([mesh.triangles for mesh in self.meshes])
+        self.coordinate_scale = max(self.ball_radius, float(np.abs(triangle_vertices).max()))
         _check_radius_resolvable(self.ball_radius, self.coordinate_scale, "ball_radius")
         with notify_if_compiling("World"):
-            self._scene = self._compile(corners)
+            self._scene = self._compile(triangle_vertices)
 
     def __deepcopy__(self, memo: dict[int, object]) -> World:
         """Return the world itself: it is immutable."""
         return self
 
-    def _compile(self, corners: FloatArray) -> CompiledScene:
+    def _compile(self, triangle_vertices: FloatArray) -> CompiledScene:
         """Build the arrays that the compiled code reads."""
-        nodes, order = build_bvh(corners)
+        nodes, order = build_bvh(triangle_vertices)
         sizes = [len(mesh.faces) for mesh in self.meshes]
-        triangles = build_triangles(corners)
+        triangles = build_triangles(triangle_vertices)
         has_area = triangles["n"].any(axis=1)
         triangles["one_sided"] = np.repeat([not mesh.two_sided for mesh in self.meshes], sizes) & has_area
         triangles["surface"] = np.repeat(np.arange(len(sizes)), sizes)

@@ -26,7 +26,7 @@ def test_recording_simulates_each_step_once(initial_rows: int, monkeypatch: pyte
         steps_per_call.append(int(balls.results["steps"][0]) - steps_before)
 
     monkeypatch.setattr(step, "simulate_range", counted)
-    monkeypatch.setattr(batch, "MIN_RECORD_SIZE", initial_rows)
+    monkeypatch.setattr(batch, "INITIAL_RECORDING_ROWS", initial_rows)
     shot = world.simulate(position, velocity, record=True)
     assert shot.path is not None and shot.num_substeps is not None
     assert sum(steps_per_call) == len(shot.num_substeps) == len(shot.path) - 1 > 100
@@ -40,7 +40,7 @@ def test_recording_simulates_each_step_once(initial_rows: int, monkeypatch: pyte
 def test_record_ends_at_the_time_limit() -> None:
     """A run that reaches ``max_time`` has a row for the start and one for each step, also when the record is full."""
     world, position, velocity = furnished_room(0)
-    for num_steps in (1, 5, batch.MIN_RECORD_SIZE - 1, batch.MIN_RECORD_SIZE):
+    for num_steps in (1, 5, batch.INITIAL_RECORDING_ROWS - 1, batch.INITIAL_RECORDING_ROWS):
         shot = world.simulate(position, 3.0 * velocity, max_time=num_steps * world.dt, record=True)
         assert shot.path is not None and shot.times is not None
         assert len(shot.path) == len(shot.times) <= num_steps + 1

@@ -8,7 +8,7 @@ from trimesh.remesh import subdivide
 
 from minigolf_env.physics import Surface, TriangleMesh, World
 from minigolf_env.physics.rolling_batch import MAX_FLAT_RUN_STEPS, SIMD_WIDTH, step_rolling, try_enter
-from minigolf_env.physics.step import Balls, Scratch, new_scratch, simulate_range, step
+from minigolf_env.physics.step import RunBatch, Scratch, new_scratch, simulate_range, step
 from minigolf_env.physics.types import RESULT_DTYPE, Status, Vec3
 from tests.physics.scenes import BALL_RADIUS, Body, FloatArray, box, inside_out, random_surface, rotation, sphere
 
@@ -85,7 +85,7 @@ def test_batch_equals_recorded_single_runs_bitwise(first: int) -> None:
 def supporting_rows(world: World, p: FloatArray) -> list[int]:
     """Return the triangles that the ball touches within their edges."""
     triangles = world.scene.triangles
-    height, x, y = (((p - triangles["a"]) * triangles[name]).sum(axis=1) for name in "nuv")
+    height, x, y = (((p - triangles["a"]) * triangles[name]).sum(axis=1) for name in ("n", "dual_u", "dual_v"))
     touched = np.abs(height - world.ball_radius) <= 4.0 * world.scene.eps
     return list(np.flatnonzero(touched & (x > 0.0) & (y > 0.0) & (x + y < 1.0)))
 
@@ -102,7 +102,7 @@ def try_one_step(world: World, scratch: Scratch, p: FloatArray, v: FloatArray, r
     record["support"][k] = row
     if not try_enter(world.scene, scratch.cache.traversal, scratch.contacts, scratch.rolling_batch, k, *before):
         return False, False
-    record["steps_left"][k] = 1
+    record["max_steps"][k] = 1
     rolled = step_rolling(world.scene, scratch.rolling_batch, SIMD_WIDTH) == 1
     after = record["p"][:, k].tobytes(), record["v"][:, k].tobytes()
     if rolled:
@@ -147,7 +147,7 @@ def test_fast_path_covers_the_whole_flat_run_and_no_more() -> None:
     v = Vec3(1.0, 0.2, 0.0)
     [row] = supporting_rows(world, np.array(p))
     record["support"][0] = row
-    record["steps_left"] = 10_000
+    record["max_steps"] = 10_000
     assert try_enter(world.scene, scratch.cache.traversal, scratch.contacts, scratch.rolling_batch, 0, p, v)
     while step_rolling(world.scene, scratch.rolling_batch, 1):
         moved = step(world.scene, scratch, p, v, NO_LOG, 0, 0.0)
@@ -214,8 +214,8 @@ def test_balls_on_flat_ground_enter_the_fast_path() -> None:
     count = SIMD_WIDTH
     angles = np.linspace(0.1, 6.0, count)
     velocities = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(count)])
-    balls = Balls(np.tile([0.1, 0.2, BALL_RADIUS], (count, 1)), velocities, np.zeros(count, RESULT_DTYPE))
-    simulate_range(0, count, world.scene, scratch, 20, balls, np.empty((0, 4)), NO_LOG)
+    runs = RunBatch(np.tile([0.1, 0.2, BALL_RADIUS], (count, 1)), velocities, np.zeros(count, RESULT_DTYPE))
+    simulate_range(0, count, world.scene, scratch, 20, runs, np.empty((0, 4)), NO_LOG)
     assert (scratch.rolling_batch["length"] > 0.0).all()
     assert (world.scene.triangles["a"][scratch.rolling_batch["support"][0], 2] == 0.0).all()
 

@@ -14,7 +14,7 @@ from minigolf_env.physics.traversal import (
     next_leaf_in_sweep,
     start_traversal,
 )
-from minigolf_env.physics.types import BVH_WIDTH, INT64_ZERO, RecordArray, Vec3
+from minigolf_env.physics.types import BVH_WIDTH, INT64_ONE, INT64_ZERO, RecordArray, Vec3
 from tests.physics.scenes import BALL_RADIUS, SOUPS, FloatArray, sphere, triangle_soup
 
 
@@ -81,7 +81,7 @@ def write_leaves(
     """Write the leaves (N, 2) on a path, or around a point if it has no length; return their number."""
     start_traversal(traversal)
     count = INT64_ZERO
-    size = INT64_ZERO + 1
+    size = INT64_ONE
     while size > 0:
         if w.x == 0.0:
             first, size = next_leaf_in_radius(nodes, traversal, p, reach)
