@@ -1,4 +1,4 @@
-"""Minigolf for people: a game in a window, played with mouse and keyboard."""
+"""The game: minigolf in a window, played with mouse and keyboard."""
 
 from minigolf_env.apps.play.launcher import run
 

@@ -149,7 +149,7 @@ class App:
         self.message = ""
         self._play_back(stroke, 1.0, lambda: self._on_rest(stroke))
 
-    def replay(self) -> None:
+    def replay_last_stroke(self) -> None:
         """Show the last stroke again, in slow motion."""
         if self.last_stroke is None or self.is_busy:
             return
@@ -249,7 +249,7 @@ class App:
             self._run_in_background(golf.opponent_putt, lambda putt: self._on_opponent(golf.opponent_strike(putt)))
         elif golf.is_over:
             self.card_shown = True
-            self.log("hole_over", rows=golf.card.rows(golf.best.best))
+            self.log("hole_over", rows=golf.card.rows(golf.best_scores.strokes_by_hole))
 
     def _on_opponent(self, stroke: PlayedStroke) -> None:
         self.message = f"{stroke.player} plays"

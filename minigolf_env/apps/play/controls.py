@@ -53,7 +53,7 @@ class Controls:
             key.ENTER: self._confirm,
             key.RETURN: self._confirm,
             key.NUM_ENTER: self._confirm,
-            key.R: app.replay,
+            key.R: app.replay_last_stroke,
             key.Z: app.undo,
             key.N: app.next_hole,
             key.H: app.hint,

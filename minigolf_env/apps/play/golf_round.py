@@ -24,7 +24,7 @@ class GolfRound:
 
     Args:
         hole: the first hole; "round" starts a round of nine.
-        best: the best scores so far.
+        best_scores: the best scores so far.
         opponent: the policy to play against; None to play alone.
         opponent_name: name of the opponent on the score card.
 
@@ -36,12 +36,12 @@ class GolfRound:
     """Elevation of a stroke before the player changes it, degrees above the horizon; putts have 0."""
 
     def __init__(
-        self, hole: str, best: BestScores, opponent: Policy | None = None, opponent_name: str = "opponent"
+        self, hole: str, best_scores: BestScores, opponent: Policy | None = None, opponent_name: str = "opponent"
     ) -> None:
         holes = list(ROUND_HOLES) if hole == ROUND_COURSE else list_courses()
         first_hole = holes[0] if hole == ROUND_COURSE else hole
         self.holes = holes if first_hole in holes else [first_hole]
-        self.best = best
+        self.best_scores = best_scores
         self.opponent_name = opponent_name
         self._opponent = opponent
         players = [HUMAN_NAME] if opponent is None else [HUMAN_NAME, opponent_name]
@@ -112,7 +112,7 @@ class GolfRound:
         if score is not None:
             score = score._replace(is_practice=self._is_practice)
             self.card.put(HUMAN_NAME, self.hole, score)
-            self.best.offer(self.hole, score)
+            self.best_scores.offer(self.hole, score)
         return stroke
 
     def undo(self) -> bool:

@@ -19,7 +19,7 @@ RgbaColor = tuple[int, int, int, int]
 FONT_NAMES = ["Inter", "Segoe UI", "Helvetica Neue", "Cantarell", "Noto Sans", "DejaVu Sans", "Arial"]
 """Fonts in order of preference; without any of them the system's default is used."""
 
-DESIGN_SIZE = 960.0, 600.0
+REFERENCE_WINDOW_SIZE = 960.0, 600.0
 """Size of the window for which the lengths below are given; everything scales with the window."""
 
 MIN_SCALE = 0.55
@@ -34,22 +34,41 @@ PANEL_MARGIN = 14.0
 PANEL_PADDING = 11.0
 """Distance of a panel's edge from its content."""
 
-METER_WIDTH = 300.0
-METER_HEIGHT = 12.0
-NUM_METER_SEGMENTS = 40
+POWER_METER_WIDTH = 300.0
+"""Width of the power meter."""
+
+POWER_METER_HEIGHT = 12.0
+"""Height of the power meter."""
+
+NUM_POWER_METER_SEGMENTS = 40
 """Number of segments of the power meter; each has one colour."""
 
-CARD_ROW_HEIGHT = 28.0
-CARD_MARGIN = 70.0
+SCORE_CARD_ROW_HEIGHT = 28.0
+"""Height of a row of the score card, if all rows fit into the window."""
+
+SCORE_CARD_MARGIN = 70.0
 """Smallest distance of the score card from the window's upper and lower edge."""
 
 PANEL_COLOR = (14, 20, 26, 168)
-CARD_COLOR = (14, 20, 26, 222)
+"""Background of panels."""
+
+SCORE_CARD_COLOR = (14, 20, 26, 222)
+"""Background of the score card."""
+
 RULE_COLOR = (255, 255, 255, 90)
+"""Colour of the lines between the rows of the score card."""
+
 WHITE_TEXT = (255, 255, 255, 255)
+"""Colour of titles, messages and scores."""
+
 GREY_TEXT = (205, 214, 220, 255)
+"""Colour of help, labels and headers."""
+
 GOLD_TEXT = (255, 214, 92, 255)
+"""Colour of best scores."""
+
 RECORDING_COLOR = (255, 82, 72, 255)
+"""Colour of the recording light."""
 
 
 class HudState(NamedTuple):
@@ -177,7 +196,7 @@ class Hud:
         if cached is not None and cached[0] == key:
             return cached[1]
         width, height = self._window.get_framebuffer_size()
-        scale = min(MAX_SCALE, max(MIN_SCALE, min(width / DESIGN_SIZE[0], height / DESIGN_SIZE[1])))
+        scale = min(MAX_SCALE, max(MIN_SCALE, min(width / REFERENCE_WINDOW_SIZE[0], height / REFERENCE_WINDOW_SIZE[1])))
         layer = HudLayer(scale, self._has_font)
         lay_out(layer, state, width, height)
         self._layers[name] = key, layer
@@ -219,17 +238,17 @@ def _lay_out_meter(layer: HudLayer, state: HudState, width: float, height: float
     if state.power is None:
         return
     u = layer.scale
-    meter_width = METER_WIDTH * u
-    meter_height = METER_HEIGHT * u
+    meter_width = POWER_METER_WIDTH * u
+    meter_height = POWER_METER_HEIGHT * u
     left = (width - meter_width) / 2.0
     bottom = 69.0 * u
     padding = PANEL_PADDING * u
     layer.panel(left - padding, bottom - padding, meter_width + 2.0 * padding, meter_height + 37.0 * u)
-    step = meter_width / NUM_METER_SEGMENTS
-    for k in range(NUM_METER_SEGMENTS):
-        red, green, blue = (int(255 * c) for c in power_color((k + 0.5) / NUM_METER_SEGMENTS))
+    step = meter_width / NUM_POWER_METER_SEGMENTS
+    for k in range(NUM_POWER_METER_SEGMENTS):
+        red, green, blue = (int(255 * c) for c in power_color((k + 0.5) / NUM_POWER_METER_SEGMENTS))
         layer.box(left + k * step, bottom, step - 1.0 * u, meter_height, (red, green, blue, 52))
-        filled = min(1.0, max(0.0, state.power * NUM_METER_SEGMENTS - k))
+        filled = min(1.0, max(0.0, state.power * NUM_POWER_METER_SEGMENTS - k))
         if filled > 0.0:
             layer.box(left + k * step, bottom, filled * (step - 1.0 * u), meter_height, (red, green, blue, 255))
     text_y = bottom + meter_height + 12.0 * u
@@ -270,8 +289,8 @@ def _lay_out_card(layer: HudLayer, state: HudState, width: float, height: float)
     u = layer.scale
     padding = PANEL_PADDING * u
     # Measure the rows and columns.
-    row_height = min(CARD_ROW_HEIGHT * u, (height - 2.0 * CARD_MARGIN * u) / (len(state.card) + 2))
-    text_scale = row_height / (CARD_ROW_HEIGHT * u)
+    row_height = min(SCORE_CARD_ROW_HEIGHT * u, (height - 2.0 * SCORE_CARD_MARGIN * u) / (len(state.card) + 2))
+    text_scale = row_height / (SCORE_CARD_ROW_HEIGHT * u)
     column_widths = [
         max(90.0 if k else 150.0, 30.0 + 9.5 * max(map(len, cells))) * u
         for k, cells in enumerate(zip(*state.card, strict=True))
@@ -281,7 +300,7 @@ def _lay_out_card(layer: HudLayer, state: HudState, width: float, height: float)
     left = (width - card_width) / 2.0
     top = (height + card_height) / 2.0
     # Lay out the heading, the rows and the footer from top to bottom.
-    layer.panel(left, top - card_height, card_width, card_height, CARD_COLOR)
+    layer.panel(left, top - card_height, card_width, card_height, SCORE_CARD_COLOR)
     y = top - padding - 0.6 * row_height
     layer.text(state.message or "Score card", width / 2.0, y, 17.0 * text_scale, bold=True, anchor="center")
     for k, cells in enumerate(state.card):

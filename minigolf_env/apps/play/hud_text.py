@@ -12,18 +12,21 @@ FAILED_STROKE_MESSAGES = {
     "out_of_bounds": "Out of bounds: play again from the same place",
     "time_limit": "The ball did not come to rest: play again from the same place",
 }
-"""Message by the status of a stroke that does not count as played."""
+"""Message by the status of a stroke that counts, but after which the ball is back at its former place."""
 
-GOLF_HELP = (
+GOLF_HELP_LINES = (
     "Drag back and release: putt  ·  Arrows (Shift: fine), Enter: without a mouse  ·  Right-drag, wheel or A, D: look",
     "H hint  ·  P path  ·  R replay  ·  Z undo  ·  N next hole  ·  Tab card  ·  V video  ·  C camera  ·  F full screen"
     "  ·  Esc quit",
 )
-THROW_HELP = (
+"""Lines of help in a round."""
+
+THROW_HELP_LINES = (
     "Drag back and release: throw  ·  W and S, or Shift and wheel: elevation  ·  Arrows (Shift: fine) and Enter:"
     " without a mouse",
     "Right-drag, wheel or A, D: look  ·  P path  ·  R replay  ·  V video  ·  C camera  ·  F full screen  ·  Esc quit",
 )
+"""Lines of help in a room."""
 
 
 def hud_state(
@@ -41,7 +44,7 @@ def hud_state(
     if isinstance(mode, GolfRound):
         state = _golf_state(mode, card_shown)
     else:
-        state = HudState("Room", (f"Throws {mode.strokes}",), help=THROW_HELP)
+        state = HudState("Room", (f"Throws {mode.strokes}",), help=THROW_HELP_LINES)
     if aim is not None:
         meter = f"{100.0 * aim.power:.0f} %   {mode.top_speed * aim.power:.2f} m/s"
         if isinstance(mode, ThrowMode):
@@ -52,14 +55,15 @@ def hud_state(
 
 def _golf_state(golf: GolfRound, card_shown: bool) -> HudState:
     """Return the title, lines, help and score card of a round."""
+    best_strokes = golf.best_scores.strokes_by_hole
     hole = f"Hole {golf.holes.index(golf.hole) + 1} of {len(golf.holes)}  ·  Par {golf.card.pars[golf.hole]}"
     strokes = f"Strokes {golf.strokes}" if golf.is_over else f"Stroke {golf.strokes + 1}"
-    if golf.hole in golf.best.best:
-        strokes += f"  ·  Best {golf.best.best[golf.hole]}"
+    if golf.hole in best_strokes:
+        strokes += f"  ·  Best {best_strokes[golf.hole]}"
     lines = (hole, strokes, "Practice") if golf.is_practice else (hole, strokes)
-    state = HudState(hole_title(golf.hole), lines, help=GOLF_HELP)
+    state = HudState(hole_title(golf.hole), lines, help=GOLF_HELP_LINES)
     if not card_shown:
         return state
-    rows = tuple(tuple(row) for row in golf.card.rows(golf.best.best))
+    rows = tuple(tuple(row) for row in golf.card.rows(best_strokes))
     footer = "N or Enter: next hole  ·  R: replay  ·  Z: undo" if golf.is_over else "Tab: back to the game"
     return state._replace(card=rows, footer=footer)

@@ -105,17 +105,20 @@ class BestScores:
     def __init__(self, path: Path) -> None:
         self._path = path
         self._warned = False
-        self.best = self._read()
+        self.strokes_by_hole = self._read()
+        """Best number of strokes of each hole by its name."""
 
     def offer(self, hole: str, score: HoleScore) -> bool:
         """Store a score if it is the best of the hole; return whether it is."""
         if not score.holed or score.is_practice:
             return False
         stored = self._read()  # Another game may have written the file since.
-        self.best = {name: min(scores) for name, scores in _scores_by_hole(self.best, stored).items()}
-        if score.strokes >= self.best.get(hole, sys.maxsize):
+        self.strokes_by_hole = {
+            name: min(scores) for name, scores in _scores_by_hole(self.strokes_by_hole, stored).items()
+        }
+        if score.strokes >= self.strokes_by_hole.get(hole, sys.maxsize):
             return False
-        self.best[hole] = score.strokes
+        self.strokes_by_hole[hole] = score.strokes
         self._write()
         return True
 
@@ -145,7 +148,7 @@ class BestScores:
 
     def _write(self) -> None:
         try:
-            write_text(self._path, json.dumps({"version": SCORES_FILE_VERSION, "best": self.best}, indent=1))
+            write_text(self._path, json.dumps({"version": SCORES_FILE_VERSION, "best": self.strokes_by_hole}, indent=1))
         except OSError as error:
             self._warn(f"the best scores cannot be saved: {error}; make {self._path.parent} writable.")
 

@@ -1,4 +1,4 @@
-"""Throwing a ball in a room, without golf: the ball leaves the tee in three dimensions and bounces."""
+"""Free-throw mode, in a room without a cup: the ball leaves the tee in three dimensions and bounces."""
 
 from __future__ import annotations
 

@@ -51,7 +51,7 @@ def test_hint_holes_out_and_the_score_is_stored(tmp_path: Path) -> None:
     assert np.array_equal(golf.full_path(hint)[-1], golf.strike(hint).next_position)
     assert golf.is_over
     assert golf.score_message(HUMAN_NAME) == "Hole in one!"
-    assert BestScores(tmp_path / "scores.json").best == {"dogleg": 1}
+    assert BestScores(tmp_path / "scores.json").strokes_by_hole == {"dogleg": 1}
 
 
 def test_undo_restores_the_ball_and_marks_the_score_as_practice(tmp_path: Path) -> None:
@@ -66,7 +66,7 @@ def test_undo_restores_the_ball_and_marks_the_score_as_practice(tmp_path: Path) 
     assert (golf.strokes, golf.is_practice) == (0, True)
     golf.strike(golf.hint())
     assert card_row(golf) == ["Dogleg", "2", "1 *", "–"]
-    assert golf.best.best == {}
+    assert golf.best_scores.strokes_by_hole == {}
     assert golf.undo() and not golf.is_over
     assert golf.score_message(HUMAN_NAME) == ""
 
@@ -100,7 +100,7 @@ def test_stroke_limit_ends_the_hole(tmp_path: Path) -> None:
     while not golf.is_over:
         golf.strike(SOFT_PUTT)
     assert "10 (out)" in card_row(golf)
-    assert golf.best.best == {}
+    assert golf.best_scores.strokes_by_hole == {}
 
 
 def test_opponent_plays_the_hole_after_the_human(tmp_path: Path) -> None:

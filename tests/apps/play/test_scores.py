@@ -48,7 +48,7 @@ def test_only_a_better_score_replaces_the_best(tmp_path: Path) -> None:
     assert not best.offer("dogleg", HoleScore(5, True))
     assert not best.offer("dogleg", HoleScore(1, True, is_practice=True))
     assert not best.offer("dogleg", HoleScore(1, False))
-    assert BestScores(path).best == {"dogleg": 4}
+    assert BestScores(path).strokes_by_hole == {"dogleg": 4}
     assert [file.name for file in path.parent.iterdir()] == ["scores.json"]
 
 
@@ -58,7 +58,7 @@ def test_two_games_at_once_keep_both_scores(tmp_path: Path) -> None:
     first.offer("dogleg", HoleScore(2, True))
     second.offer("other", HoleScore(3, True))
     assert not second.offer("dogleg", HoleScore(3, True))
-    assert BestScores(tmp_path / "s").best == {"dogleg": 2, "other": 3}
+    assert BestScores(tmp_path / "s").strokes_by_hole == {"dogleg": 2, "other": 3}
 
 
 @pytest.mark.parametrize(
@@ -70,7 +70,7 @@ def test_damaged_file_is_renamed(tmp_path: Path, capsys: pytest.CaptureFixture[s
     path = tmp_path / "scores.json"
     path.write_text(content)
     best = BestScores(path)
-    assert best.best == {}
+    assert best.strokes_by_hole == {}
     assert best.offer("dogleg", HoleScore(2, True))
     errors = capsys.readouterr().err
     assert errors.count("\n") == 1
@@ -82,7 +82,7 @@ def test_damaged_file_is_renamed(tmp_path: Path, capsys: pytest.CaptureFixture[s
 def test_file_that_is_not_utf8_is_renamed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Bytes that are not UTF-8 count as damage."""
     (tmp_path / "scores.json").write_bytes(b"\xff\xfe\x00")
-    assert BestScores(tmp_path / "scores.json").best == {}
+    assert BestScores(tmp_path / "scores.json").strokes_by_hole == {}
     assert "renamed to" in capsys.readouterr().err
 
 
@@ -92,7 +92,7 @@ def test_folder_that_cannot_be_written_is_ignored(tmp_path: Path, capsys: pytest
     best = BestScores(tmp_path / "file" / "scores.json")
     assert best.offer("dogleg", HoleScore(3, True))
     assert best.offer("dogleg", HoleScore(2, True))
-    assert best.best == {"dogleg": 2}
+    assert best.strokes_by_hole == {"dogleg": 2}
     errors = capsys.readouterr().err
     assert errors.count("\n") == 1
     assert "cannot be" in errors
