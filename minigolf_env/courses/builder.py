@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from minigolf_env._atomic_io import write_text
-from minigolf_env.courses.course import Course, Point2, Point3
+from minigolf_env.courses.course import DEFAULT_PAR, Course, Point2, Point3
 from minigolf_env.courses.io.toml_course import build_course, to_toml, validate_description
 from minigolf_env.courses.schema.course_file import CourseFile
 
@@ -26,8 +26,9 @@ class CourseBuilder:
     Args:
         name: name of the course.
         tee: start (x, y) of the ball, m; or {"lower": ..., "upper": ..., "height": ...}.
-        cup: centre (x, y, z) of the rim, m; or {"position": ..., "radius": ...}; None: no golf.
-        fields: other keys of a course file, such as par, top_speed and route. Default par with a cup: 2.
+        cup: centre (x, y, z) of the rim, m; or {"position": ..., "radius": ...}; None: no cup, the ball is only thrown.
+        fields: other keys of a course file, such as par, top_speed and route. A course with a cup has par 2 by default,
+            while a course file must give it.
     """
 
     def __init__(
@@ -36,7 +37,7 @@ class CourseBuilder:
         self._data: dict[str, Any] = {"name": name, "tee": tee if isinstance(tee, dict) else {"at": tee}, **fields}
         if cup is not None:
             self._data["cup"] = cup if isinstance(cup, dict) else {"position": cup}
-            self._data.setdefault("par", 2)
+            self._data.setdefault("par", DEFAULT_PAR)
         self._parts: list[dict[str, Any]] = []
         self._surfaces: dict[str, dict[str, Any]] = {}
 

@@ -19,6 +19,7 @@ from minigolf_env.physics import TriangleMesh, World
 Point2: TypeAlias = tuple[float, float]
 Point3: TypeAlias = tuple[float, float, float]
 Material: TypeAlias = Literal["felt", "wood", "stone", "wall", "cup", "brick", "paint", "water"]
+"""Texture that a part is drawn with; the physics depends on the part's Surface only."""
 Color: TypeAlias = tuple[float, float, float]
 
 GOLF_BALL_RADIUS = 0.02135
@@ -26,6 +27,12 @@ GOLF_BALL_RADIUS = 0.02135
 
 EARTH_GRAVITY: Point3 = (0.0, 0.0, -9.81)
 """Gravitational acceleration on Earth, m/s^2."""
+
+DEFAULT_PAR = 2
+"""Par of a course with a cup from Python or a .glb file that gives none; a TOML file must give it."""
+
+STIMPMETER_SPEED = 1.829
+"""Speed at which a stimpmeter releases the ball, m/s."""
 
 CUP_LINER_THICKNESS = 0.003
 """Thickness of the cup's wall and bottom, m: the visible rim around the hole."""
@@ -143,7 +150,7 @@ class Course:
     tee: Tee
     """Start of the ball."""
     cup: Cup | None
-    """Cup; None for a course without golf, where a ball is only thrown."""
+    """Cup; None for a course in which a ball is only thrown (free-throw mode)."""
     par: int | None
     """Strokes that a good player needs, >= 1; None without cup."""
     bounds: tuple[Point3, Point3]
@@ -239,6 +246,11 @@ class Course:
     def __deepcopy__(self, memo: dict[int, object]) -> Course:
         """Return the course itself: it is immutable, and caches of its world and its rendering use its identity."""
         return self
+
+
+def rolling_resistance_from_stimp(stimp: float) -> float:
+    """Return the rolling resistance of a green whose stimpmeter speed is given in feet (docs/physics.md)."""
+    return STIMPMETER_SPEED**2 / (2.0 * 0.3048 * stimp) / 9.81
 
 
 @contextmanager

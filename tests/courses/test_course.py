@@ -15,9 +15,10 @@ import trimesh
 
 from minigolf_env.courses import CourseError, Cup, Tee, list_courses, load_course, par_of
 from minigolf_env.courses.builder import CourseBuilder
+from minigolf_env.courses.course import rolling_resistance_from_stimp
 from minigolf_env.courses.io import toml_course
 from minigolf_env.courses.schema.course_file import CourseFile
-from minigolf_env.courses.schema.surfaces import SurfaceRecord, collect_surfaces, rolling_resistance_from_stimp
+from minigolf_env.courses.schema.surfaces import SurfaceRecord, collect_surfaces
 from minigolf_env.envs import MiniGolfEnv
 from minigolf_env.physics import Status, Surface
 

@@ -24,10 +24,12 @@ from minigolf_env.courses.procedural import (
 from minigolf_env.courses.procedural import layout as layout_module
 from minigolf_env.courses.procedural.lane_features import FEATURES_BY_DIFFICULTY, MIN_SLOPE, LaneFeature
 from minigolf_env.courses.procedural.layout import Layout, generate_layout
-from minigolf_env.courses.procedural.level import BORDER_WIDTH, FELT_SURFACE, build_level
+from minigolf_env.courses.procedural.level import BORDER_WIDTH, FELT_SURFACE, LINING_SURFACE, WOOD_SURFACE, build_level
 from minigolf_env.courses.procedural.portable_rng import PortableRng
+from minigolf_env.courses.schema.surfaces import collect_surfaces
 from minigolf_env.envs import MiniGolfEnv
 from minigolf_env.envs.config import _cached_world
+from minigolf_env.physics import Surface
 
 PINNED_FINGERPRINTS = {
     ("easy", 0): "7032471adce0945f",
@@ -64,15 +66,15 @@ def test_pinned_levels_contain_every_feature(monkeypatch: pytest.MonkeyPatch) ->
     """A change of any feature changes a pinned fingerprint."""
     added: list[str] = []
 
-    def draw_and_record(difficulty: str, rng: PortableRng, legs: int) -> Layout:
+    def sample_and_record(difficulty: str, rng: PortableRng, legs: int) -> Layout:
         added.clear()  # The level has the last lane that was drawn.
-        return draw_layout(difficulty, rng, legs)
+        return sample_layout(difficulty, rng, legs)
 
     def recorded(feature: LaneFeature) -> LaneFeature:
         return lambda lane, rng: (added.append(feature.__name__), feature(lane, rng))[1]
 
-    draw_layout = layout_module._draw_layout
-    monkeypatch.setattr(layout_module, "_draw_layout", draw_and_record)
+    sample_layout = layout_module._sample_layout
+    monkeypatch.setattr(layout_module, "_sample_layout", sample_and_record)
     monkeypatch.setattr(
         layout_module,
         "FEATURES_BY_DIFFICULTY",
@@ -83,6 +85,14 @@ def test_pinned_levels_contain_every_feature(monkeypatch: pytest.MonkeyPatch) ->
         generate_layout(difficulty, PortableRng(GENERATOR_VERSION, DIFFICULTY_NAMES.index(difficulty), level))
         pinned |= set(added)
     assert pinned == {feature.__name__ for features in FEATURES_BY_DIFFICULTY.values() for feature in features}
+
+
+@pytest.mark.parametrize(
+    ("name", "surface"), [("felt", FELT_SURFACE), ("wood", WOOD_SURFACE), ("lining", LINING_SURFACE)]
+)
+def test_level_surfaces_equal_builtin_surfaces_of_course_files(name: str, surface: Surface) -> None:
+    """Levels define their surfaces without pydantic, with the same values."""
+    assert collect_surfaces({})[name].surface == surface
 
 
 def test_another_process_generates_same_level() -> None:

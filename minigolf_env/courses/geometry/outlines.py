@@ -98,7 +98,8 @@ def _arc_points(start: Point2, via: Point2, end: Point2) -> list[Point2]:
     slant = (c - a) / (b - a) if a != b else 0.0
     if abs(complex(slant).imag) < 1e-9:
         raise CourseError(f"arc: expected three points of a circle, received {start}, {via}, {end}; move `via` aside.")
-    # Find the centre in coordinates where a is 0 and b is 1 (a known closed form of the circumcentre).
+    # Find the centre p in coordinates where a is 0, b is 1 and c is w. |p| = |p - 1| gives p + conj(p) = 1, and
+    # |p| = |p - w| gives p conj(w) + conj(p) w = |w|^2. Together p (w - conj(w)) = w - |w|^2.
     w = complex(slant)
     center = a + (b - a) * (w - abs(w) ** 2) / (2j * w.imag)
     # Find the signed angle of the arc: the one that passes the point `via`.

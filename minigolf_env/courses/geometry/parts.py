@@ -60,7 +60,7 @@ class PartSolid(NamedTuple):
 def contains_cup(record: parts.PartRecord, cup: Cup) -> bool:
     """Return whether the cup is cut into this part."""
     if isinstance(record, parts.MeshPart):
-        return record.floor
+        return record.floor  # cut_cup_into_mesh checks that the mesh is level around the cup.
     if not isinstance(record, parts.LanePart):
         return False
     x, y, rim = cup.position
@@ -97,9 +97,7 @@ def _(record: parts.LanePart, context: PartContext) -> Iterator[PartSolid]:
     if context.cup is not None and contains_cup(record, context.cup):
         clear = functools.reduce(lambda area, obstacle: area - obstacle, context.obstacles, lane)
         floor = floor - cup_outline(clear, context.cup)
-        under_cup = context.cup.position[2] - context.cup.depth
-        low = min(low, under_cup - CUP_LINER_THICKNESS - FLOOR_BELOW_CUP + record.thickness)
-        bottom = low - record.thickness if record.heights else under_cup - FLOOR_BELOW_CUP
+        low, bottom = _levels_below_cup(record, context.cup, low)
     # Build the floor and the border.
     if record.heights:
         context.limits.check_cells(floor.bounds, record.cell)
@@ -121,6 +119,18 @@ def _build_border(lane: ShapelyPolygon, record: parts.LanePart, low: float) -> I
         else:
             mesh = extrude(piece, record.level - EMBED_DEPTH, record.level + record.border_height)
         yield PartSolid("border", mesh, record.border_surface, record.border_color)
+
+
+def _levels_below_cup(record: parts.LanePart, cup: Cup, low: float) -> tuple[float, float]:
+    """Return the level from which the border reaches down, and the bottom of the floor, for a lane that has the cup, m.
+
+    A level floor ends FLOOR_BELOW_CUP below the cup's inside; one with heights is at least as thick as its lowest point
+    requires, and ends FLOOR_BELOW_CUP below the cup's liner.
+    """
+    under_cup = cup.position[2] - cup.depth
+    low = min(low, under_cup - CUP_LINER_THICKNESS - FLOOR_BELOW_CUP + record.thickness)
+    bottom = low - record.thickness if record.heights else under_cup - FLOOR_BELOW_CUP
+    return low, bottom
 
 
 def _lowest_level(lane: ShapelyPolygon, record: parts.LanePart) -> float:
@@ -274,11 +284,11 @@ def build_inline_mesh(record: parts.MeshPart, limits: Limits) -> Trimesh:
     return Trimesh(vertices, faces, process=False)
 
 
-def _place(solid: Trimesh, at: tuple[float, float, float], turn: float = 0.0) -> Trimesh:
-    """Return a solid rotated about the z axis by degrees, then moved."""
-    if turn:
-        cos = math.cos(math.radians(turn))
-        sin = math.sin(math.radians(turn))
+def _place(solid: Trimesh, at: tuple[float, float, float], rotation_degrees: float = 0.0) -> Trimesh:
+    """Return a solid rotated about the z axis, counter-clockwise, then moved."""
+    if rotation_degrees:
+        cos = math.cos(math.radians(rotation_degrees))
+        sin = math.sin(math.radians(rotation_degrees))
         rotation = np.array([[cos, sin, 0], [-sin, cos, 0], [0, 0, 1.0]])
         solid = Trimesh(solid.vertices @ rotation, solid.faces, process=False)
     if any(at):

@@ -49,32 +49,35 @@ def _evaluate_waves(waves: WaveHeight, distance: FloatArray, points: FloatArray)
 
 
 def _evaluate_profile(
-    profile: Sequence[tuple[float, float]], rounding: float, s: FloatArray, mirrored: bool = False
+    profile: Sequence[tuple[float, float]], radius: float, distances: FloatArray, mirrored: bool = False
 ) -> FloatArray:
-    """Return the height at distances s of a polyline whose corners are parabolas, ``rounding`` long to either side.
+    """Return the height at distances along a polyline whose corners are parabolas from -radius to radius.
 
-    The rounded line is the mean of the polyline over [s - rounding, s + rounding], computed from its integral.
+    The smoothed line is the mean of the polyline over [distance - radius, distance + radius], computed from its
+    integral.
     """
     x, z = np.array(profile).T
     if mirrored:
         x = np.concatenate([-x[::-1], x])
         z = np.concatenate([z[::-1], z])
-    if not rounding:
-        return np.asarray(np.interp(s, x, z))
+    if not radius:
+        return np.asarray(np.interp(distances, x, z))
     # Extend the polyline by constant heights, and integrate it.
-    x = np.concatenate([[x[0] - 3.0 * rounding], x, [x[-1] + 3.0 * rounding]])
+    x = np.concatenate([[x[0] - 3.0 * radius], x, [x[-1] + 3.0 * radius]])
     z = np.concatenate([z[:1], z, z[-1:]])
     total = np.concatenate([[0.0], np.cumsum(np.diff(x) * (z[1:] + z[:-1]) / 2.0)])
-    s = np.clip(s, x[0] + rounding, x[-1] - rounding)
-    unrounded = np.interp(s, x, z)
-    low, high = (np.clip(np.searchsorted(x, s + r, side="right") - 1, 0, len(x) - 2) for r in (-rounding, rounding))
+    distances = np.clip(distances, x[0] + radius, x[-1] - radius)
+    exact = np.interp(distances, x, z)
+    low, high = (
+        np.clip(np.searchsorted(x, distances + offset, side="right") - 1, 0, len(x) - 2) for offset in (-radius, radius)
+    )
 
-    def integrate_to(k: NDArray[np.int64], at: FloatArray) -> FloatArray:
-        return np.asarray(total[k] + (at - x[k]) * (z[k] + np.interp(at, x, z)) / 2.0)
+    def integrate_to(segment: NDArray[np.int64], end: FloatArray) -> FloatArray:
+        return np.asarray(total[segment] + (end - x[segment]) * (z[segment] + np.interp(end, x, z)) / 2.0)
 
-    mean = (integrate_to(high, s + rounding) - integrate_to(low, s - rounding)) / (2.0 * rounding)
-    # Away from corners, take the polyline exactly: what is level stays level.
-    return np.asarray(np.where(low == high, unrounded, mean))
+    mean = (integrate_to(high, distances + radius) - integrate_to(low, distances - radius)) / (2.0 * radius)
+    # Away from corners, return the polyline's exact height, so that level segments stay level.
+    return np.asarray(np.where(low == high, exact, mean))
 
 
 def build_terrain(area: ShapelyPolygon, height_at: HeightFunction, cell: tuple[float, float], bottom: float) -> Trimesh:
@@ -87,8 +90,8 @@ def build_terrain(area: ShapelyPolygon, height_at: HeightFunction, cell: tuple[f
     """
     # Triangulate the top and the bottom.
     area = shapely.segmentize(shapely.geometry.polygon.orient(area), min(cell))
-    points, faces = _triangulate_grid(area, cell)
-    ring_points, under = triangulate([area])
+    points, top_faces = _triangulate_grid(area, cell)
+    bottom_points, bottom_faces = triangulate([area])
     z = height_at(points)
     if not z.min() > bottom:
         raise CourseError(
@@ -97,21 +100,24 @@ def build_terrain(area: ShapelyPolygon, height_at: HeightFunction, cell: tuple[f
     # Connect both along each ring of the outline.
     rings = [np.array(ring.coords)[:-1] for ring in (area.exterior, *area.interiors)]
     corners = np.concatenate(rings)
-    n = len(corners)
-    m = len(points)
-    after = np.concatenate([np.roll(np.arange(len(ring)), -1) for ring in rings])
-    after += np.repeat(np.cumsum([0] + [len(ring) for ring in rings[:-1]]), [len(ring) for ring in rings])
-    k = np.arange(n)
-    sides = np.concatenate([np.c_[m + n + k, m + after, m + k], np.c_[m + n + k, m + n + after, m + after]])
+    num_corners = len(corners)
+    next_corner = np.concatenate([np.roll(np.arange(len(ring)), -1) for ring in rings])
+    next_corner += np.repeat(np.cumsum([0] + [len(ring) for ring in rings[:-1]]), [len(ring) for ring in rings])
+    upper = len(points) + np.arange(num_corners)
+    next_upper = len(points) + next_corner
+    lower = upper + num_corners
+    next_lower = next_upper + num_corners
+    sides = np.concatenate([np.c_[lower, next_upper, upper], np.c_[lower, next_lower, next_upper]])
     vertices = np.concatenate(
         [
             np.c_[points, z],
             np.c_[corners, height_at(corners)],
-            np.c_[corners, np.full(n, bottom)],
-            np.c_[ring_points, np.full(len(ring_points), bottom)],
+            np.c_[corners, np.full(num_corners, bottom)],
+            np.c_[bottom_points, np.full(len(bottom_points), bottom)],
         ]
     )
-    return Trimesh(vertices, np.concatenate([faces, sides, under[:, ::-1] + m + 2 * n]))
+    bottom_faces = bottom_faces[:, ::-1] + len(points) + 2 * num_corners
+    return Trimesh(vertices, np.concatenate([top_faces, sides, bottom_faces]))
 
 
 def _triangulate_grid(area: ShapelyPolygon, cell: tuple[float, float]) -> tuple[FloatArray, NDArray[np.int64]]:
@@ -124,18 +130,19 @@ def _triangulate_grid(area: ShapelyPolygon, cell: tuple[float, float]) -> tuple[
     ys = np.linspace(low, high, rows + 1)
     inner = area.buffer(-0.2 * min(cell))
     shapely.prepare(inner)
-    i, j = (index.ravel() for index in np.meshgrid(np.arange(columns), np.arange(rows), indexing="ij"))
-    inside = shapely.contains(inner, shapely.box(xs[i], ys[j], xs[i + 1], ys[j + 1]))
-    is_cell = inside.reshape(columns, rows)
-    i, j = i[inside], j[inside]
+    column, row = (index.ravel() for index in np.meshgrid(np.arange(columns), np.arange(rows), indexing="ij"))
+    is_inside = shapely.contains(inner, shapely.box(xs[column], ys[row], xs[column + 1], ys[row + 1]))
+    is_cell = is_inside.reshape(columns, rows)
+    column = column[is_inside]
+    row = row[is_inside]
     points = np.stack(np.meshgrid(xs, ys, indexing="ij"), axis=-1).reshape(-1, 2)
     # Divide each cell into two triangles, along alternating diagonals, so that waves do not lean to one side.
-    a = i * (rows + 1) + j
-    b = (i + 1) * (rows + 1) + j
-    quads = np.c_[a, b, b + 1, a + 1]
-    odd = ((i + j) % 2 == 1)[:, None]
-    first = np.where(odd, quads[:, [0, 1, 2]], quads[:, [0, 1, 3]])
-    second = np.where(odd, quads[:, [0, 2, 3]], quads[:, [1, 2, 3]])
+    left_corner = column * (rows + 1) + row
+    right_corner = (column + 1) * (rows + 1) + row
+    quads = np.c_[left_corner, right_corner, right_corner + 1, left_corner + 1]
+    is_odd = ((column + row) % 2 == 1)[:, None]
+    first = np.where(is_odd, quads[:, [0, 1, 2]], quads[:, [0, 1, 3]])
+    second = np.where(is_odd, quads[:, [0, 2, 3]], quads[:, [1, 2, 3]])
     # Fill the seam between the cells and the outline.
     seam_polygons = _build_seam(
         area, points, quads, lambda x, y: is_cell[_interval_index(xs, x), _interval_index(ys, y)]

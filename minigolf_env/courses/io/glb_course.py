@@ -4,13 +4,14 @@
 object      meaning
 ==========  ============================================================================================
 ``tee...``  an empty: start of the ball; a mesh: the ball starts at a random point above its bounding box
-``cup...``  an empty at the centre of the rim; extras ``radius``, ``depth`` (m), ``cut`` (it is in the mesh)
-others      parts, closed meshes; extras ``surface`` (a name), or ``damping``, ``restitution``, ``tangential``,
-            ``rolling`` of its own; and ``material``, ``color``, ``floor`` (the cup is cut into it)
+``cup...``  an empty at the centre of the rim
+others      parts, closed meshes
 ==========  ============================================================================================
 
-Without extras, an object has the surface that its name starts with; "floor" and "green" are felt that contains the cup.
-The scene's extras may hold name, par, top_speed, bounds, route, ball_radius and gravity as course files do.
+Without extras, a part has the surface that its name starts with; "floor" and "green" are felt that contains the cup.
+Extras have the names and meanings of keys of course files: PHYSICS_KEYS or ``surface``, APPEARANCE_KEYS, ``floor`` and
+``inwards`` of a part; ``radius``, ``depth``, ``surface``, ``cut`` and ``position`` of the cup; ``lower``, ``upper`` and
+``height`` of an empty tee; COURSE_KEYS of the scene. Without extra ``par``, a course with a cup has par DEFAULT_PAR.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from typing import Any
 from pydantic import ValidationError
 from trimesh import Trimesh
 
-from minigolf_env.courses.course import Course, CourseError
+from minigolf_env.courses.course import DEFAULT_PAR, Course, CourseError
 from minigolf_env.courses.geometry.assembly import assemble_course
 from minigolf_env.courses.io.course_description import describe_course, hex_color
 from minigolf_env.courses.io.gltf_scene import SceneObject, read_scene, write_scene
@@ -34,13 +35,13 @@ FLOOR_PREFIXES = ("floor", "green")
 """Beginnings of the names of objects that are felt and contain the cup."""
 
 PHYSICS_KEYS = ("damping", "restitution", "tangential", "rolling", "stimp")
-"""Extra properties of an object that describe a surface of its own."""
+"""Extra properties of a part that describe its surface; they take precedence over ``surface``."""
 
 APPEARANCE_KEYS = ("material", "color")
-"""Extra properties of an object that describe what it looks like."""
+"""Extra properties of a part that describe its appearance."""
 
 COURSE_KEYS = ("name", "par", "about", "top_speed", "ball_radius", "gravity", "bounds", "route", "hole_in_one")
-"""Extra properties of the scene, which are keys of course files."""
+"""Extra properties of the scene."""
 
 MATERIAL_COLORS = {
     "felt": (0.25, 0.5, 0.2),
@@ -109,7 +110,7 @@ def _describe_objects(name: str, objects: list[SceneObject], extras: dict[str, A
     if cups:
         cup = cups[0]
         fields = {key: cup.extras[key] for key in ("radius", "depth", "surface", "cut") if key in cup.extras}
-        data |= {"cup": {"position": cup.extras.get("position", cup.at)} | fields, "par": data.get("par", 2)}
+        data |= {"cup": {"position": cup.extras.get("position", cup.at)} | fields, "par": data.get("par", DEFAULT_PAR)}
     return CourseFile.model_validate(data)
 
 

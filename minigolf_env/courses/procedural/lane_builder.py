@@ -9,7 +9,7 @@ from minigolf_env.courses.course import Point2, Point3
 from minigolf_env.courses.procedural.portable_rng import heading_vector
 from minigolf_env.courses.procedural.portable_solids import VERTEX_GRID, SolidMesh
 
-QUARTER_TURN_STEPS = 6
+RIGHT_ANGLE_STEPS = 6
 """Number of heading steps in a right angle."""
 
 ROUTE_CLEARANCE = 0.1
@@ -22,7 +22,7 @@ MIN_LOOP_LENGTH_RATIO = 1.6
 """Smallest length along the lane between two samples that must keep their distance, in sums of their widths."""
 
 SQUARE_CORNER_RATIO = 0.71
-"""Distance of a square's corners from its centre, in sides: the lane extends so many widths from its centre line."""
+"""Largest distance of the lane's edge from its centre line, in widths: half the diagonal of a square, rounded up."""
 
 MAX_SAMPLE_SPACING = 0.3
 """Largest distance between samples of the centre line, m."""
@@ -87,8 +87,8 @@ class LaneBuilder:
         begin = self.heading
         end = self.heading + steps
         # Find the outward directions across the lane before and after the turn, and their mitre.
-        first = heading_vector(begin - side * QUARTER_TURN_STEPS)
-        last = heading_vector(end - side * QUARTER_TURN_STEPS)
+        first = heading_vector(begin - side * RIGHT_ANGLE_STEPS)
+        last = heading_vector(end - side * RIGHT_ANGLE_STEPS)
         mitre = 1.0 + first[0] * last[0] + first[1] * last[1]
         to_corner = ((first[0] + last[0]) / mitre, (first[1] + last[1]) / mitre)
         self.route.append((pivot[0] + ROUTE_CLEARANCE * to_corner[0], pivot[1] + ROUTE_CLEARANCE * to_corner[1]))
@@ -97,9 +97,7 @@ class LaneBuilder:
         if outside == "square":
             directions = [to_corner, last]
         elif outside == "round":
-            directions = [
-                heading_vector(begin + side * k - side * QUARTER_TURN_STEPS) for k in range(1, abs(steps) + 1)
-            ]
+            directions = [heading_vector(begin + side * k - side * RIGHT_ANGLE_STEPS) for k in range(1, abs(steps) + 1)]
         for u, v in directions:
             self._add_pivot_section(corner, side, (pivot[0] + self.width * u, pivot[1] + self.width * v))
         self.heading = end
@@ -112,18 +110,18 @@ class LaneBuilder:
         pivot = self.point_at(0.0, side * (self.width / 2.0 + radius))
         for _ in range(abs(steps)):
             self.heading += side
-            c, s = heading_vector(self.heading - side * QUARTER_TURN_STEPS)
+            c, s = heading_vector(self.heading - side * RIGHT_ANGLE_STEPS)
             self.x = pivot[0] + (radius + self.width / 2.0) * c
             self.y = pivot[1] + (radius + self.width / 2.0) * s
             self.route.append((pivot[0] + (radius + ROUTE_CLEARANCE) * c, pivot[1] + (radius + ROUTE_CLEARANCE) * s))
             self._add_section()
 
     def place_obstacle(
-        self, kind: str, solid: SolidMesh, forward: float = 0.0, left: float = 0.0, turned: int = 0
+        self, kind: str, solid: SolidMesh, forward: float = 0.0, left: float = 0.0, rotation_steps: int = 0
     ) -> None:
         """Place a solid on the level of the last cross-section, its x axis forward or turned by heading steps."""
         x, y = self.point_at(forward, left)
-        self.obstacles.append((kind, solid.transformed(x, y, self.z, heading_vector(self.heading + turned))))
+        self.obstacles.append((kind, solid.transformed(x, y, self.z, heading_vector(self.heading + rotation_steps))))
 
     def boundary(self) -> list[int]:
         """Return the indices of the points around the lane, counter-clockwise."""

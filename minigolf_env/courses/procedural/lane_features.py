@@ -13,15 +13,15 @@ from typing import TypeAlias
 
 import numpy as np
 
-from minigolf_env.courses.course import EMBED_DEPTH
-from minigolf_env.courses.procedural.lane_builder import QUARTER_TURN_STEPS, LaneBuilder
+from minigolf_env.courses.course import EMBED_DEPTH, rolling_resistance_from_stimp
+from minigolf_env.courses.procedural.lane_builder import RIGHT_ANGLE_STEPS, LaneBuilder
 from minigolf_env.courses.procedural.portable_rng import PortableRng, unit_circle
 from minigolf_env.courses.procedural.portable_solids import loft, make_box, make_prism, revolve_profile
 
 LaneFeature: TypeAlias = Callable[[LaneBuilder, PortableRng], None]
 
 OBSTACLE_HEIGHT = 0.12
-"""Height of borders and obstacles above the floor, m: a ball that a cup's rim throws up does not reach it."""
+"""Height of borders and obstacles above the floor, m: more than a ball can jump when it hits the rim of the cup."""
 
 MIN_GAP = 0.2
 """Width of the narrowest path past an obstacle, m: nearly five balls."""
@@ -29,7 +29,7 @@ MIN_GAP = 0.2
 DROP_LENGTH = 2.0**-5
 """Horizontal length of a drop, m: short, but not 0, so that the height is still a function of x and y."""
 
-FELT_ROLLING_RESISTANCE = 1.829**2 / (2.0 * 0.3048 * 10.0) / 9.81
+FELT_ROLLING_RESISTANCE = rolling_resistance_from_stimp(10.0)
 """Rolling resistance of felt, a fast green of Stimp 10; on a slope of this steepness a ball keeps its speed."""
 
 MIN_SLOPE = FELT_ROLLING_RESISTANCE + 0.012
@@ -47,7 +47,7 @@ def add_block(lane: LaneBuilder, rng: PortableRng) -> None:
     """Add a block near the middle, turned by a random angle."""
     lane.add_straight(0.35)
     solid = make_box(rng.uniform(0.3, 0.5), rng.uniform(0.1, 0.15), -EMBED_DEPTH, OBSTACLE_HEIGHT)
-    lane.place_obstacle("wood", solid, left=rng.uniform(-0.15, 0.15), turned=rng.integer(0, 11))
+    lane.place_obstacle("wood", solid, left=rng.uniform(-0.15, 0.15), rotation_steps=rng.integer(0, 11))
     lane.add_straight(0.35)
 
 
@@ -68,7 +68,10 @@ def add_rock(lane: LaneBuilder, rng: PortableRng) -> None:
     profile = [(0.0, -EMBED_DEPTH), (r, -EMBED_DEPTH), (r, 0.03), (0.85 * r, 0.09), (0.45 * r, 0.15), (0.0, 0.18)]
     radius_factors = np.array([[rng.uniform(0.8, 1.2) for _ in range(9)] for _ in profile])
     lane.place_obstacle(
-        "stone", revolve_profile(profile, 9, radius_factors), left=rng.uniform(-0.12, 0.12), turned=rng.integer(0, 23)
+        "stone",
+        revolve_profile(profile, 9, radius_factors),
+        left=rng.uniform(-0.12, 0.12),
+        rotation_steps=rng.integer(0, 23),
     )
     lane.add_straight(0.3)
 
@@ -80,7 +83,7 @@ def add_cone(lane: LaneBuilder, rng: PortableRng) -> None:
     profile = [(0.0, -EMBED_DEPTH), (r, -EMBED_DEPTH), (r, 0.0), (0.0, rng.uniform(0.15, 0.3))]
     sides = rng.choice((4, 5, 32))
     lane.place_obstacle(
-        "stone", revolve_profile(profile, sides), left=rng.uniform(-0.15, 0.15), turned=rng.integer(0, 23)
+        "stone", revolve_profile(profile, sides), left=rng.uniform(-0.15, 0.15), rotation_steps=rng.integer(0, 23)
     )
     lane.add_straight(0.3)
 
@@ -95,7 +98,7 @@ def add_wedge(lane: LaneBuilder, rng: PortableRng) -> None:
         "wood",
         make_prism(outline, -EMBED_DEPTH, OBSTACLE_HEIGHT),
         left=rng.uniform(-0.1, 0.1),
-        turned=rng.integer(-1, 1),
+        rotation_steps=rng.integer(-1, 1),
     )
     lane.add_straight(0.3)
 
@@ -153,7 +156,7 @@ def add_hoop(lane: LaneBuilder, rng: PortableRng) -> None:
         rings.append([(u, c * v, s * v) for u, v in circle])
     tube = np.array(rings)
     tube[[0, -1], :, 2] -= EMBED_DEPTH
-    lane.place_obstacle("wood", loft(tube), left=rng.uniform(-0.1, 0.1), turned=rng.integer(-1, 1))
+    lane.place_obstacle("wood", loft(tube), left=rng.uniform(-0.1, 0.1), rotation_steps=rng.integer(-1, 1))
     lane.add_straight(0.3)
 
 
@@ -239,7 +242,7 @@ def _place_wall(lane: LaneBuilder, border: float, end: float) -> None:
     """Place a wall across the lane from a border to an end, both given as distances to the left of the middle."""
     beyond = border + (0.03 if border > 0.0 else -0.03)
     wall = make_box(abs(beyond - end), 0.08, -EMBED_DEPTH, OBSTACLE_HEIGHT)
-    lane.place_obstacle("wood", wall, left=(beyond + end) / 2.0, turned=QUARTER_TURN_STEPS)
+    lane.place_obstacle("wood", wall, left=(beyond + end) / 2.0, rotation_steps=RIGHT_ANGLE_STEPS)
 
 
 def _bump_height(fraction: float) -> float:

@@ -68,13 +68,13 @@ class Layout(NamedTuple):
 def generate_layout(difficulty: str, rng: PortableRng) -> Layout:
     """Return a lane that does not overlap itself and stays within MAX_LAYOUT_COORDINATE."""
     for _ in range(MAX_LAYOUT_ATTEMPTS):
-        layout = _draw_layout(difficulty, rng, rng.integer(*DIFFICULTY_SETTINGS[difficulty].legs))
+        layout = _sample_layout(difficulty, rng, rng.integer(*DIFFICULTY_SETTINGS[difficulty].legs))
         if layout.lane.max_coordinate() <= MAX_LAYOUT_COORDINATE and not layout.lane.overlaps_itself():
             return layout
-    return _draw_layout(difficulty, rng, 1)
+    return _sample_layout(difficulty, rng, 1)
 
 
-def _draw_layout(difficulty: str, rng: PortableRng, legs: int) -> Layout:
+def _sample_layout(difficulty: str, rng: PortableRng, legs: int) -> Layout:
     settings = DIFFICULTY_SETTINGS[difficulty]
     # Left and right turns are equally frequent, so that on average the lane keeps its first direction.
     lane = LaneBuilder(width=rng.uniform(*settings.widths), heading=rng.integer(0, 23))

@@ -67,6 +67,7 @@ BOUNDS_LEVELS = (-1.5, 1.5)
 LEVEL_TOP_SPEED = 6.0
 """Launch speed of a full putt on levels, m/s, as on the dogleg."""
 
+# Levels must not import pydantic, which loads slowly, and with it BUILTIN_SURFACES: a test compares both.
 FELT_SURFACE = Surface(restitution=0.3, tangential=1.0, rolling=FELT_ROLLING_RESISTANCE)
 """Surface of the floor: facets of curved ground do not slow a ball, rolling resistance does."""
 

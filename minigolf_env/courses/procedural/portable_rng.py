@@ -1,6 +1,7 @@
 """Random numbers and directions that are the same on every machine and with every version of numpy.
 
-numpy guarantees the raw bits of PCG64 and of SeedSequence for ever, but the methods of Generator for one version only.
+numpy guarantees that the raw bits of PCG64 and of SeedSequence never change, but the methods of Generator may change
+with its version.
 Directions are computed without the last bits of the C library's cosine, which differ between systems.
 """
 
@@ -17,8 +18,8 @@ Choice = TypeVar("Choice")
 LENGTH_GRID = 2.0**-10
 """Grid that random lengths are rounded to, m."""
 
-HEADINGS_PER_TURN = 24
-"""Number of headings in a full turn: 15 degrees each."""
+HEADINGS_PER_REVOLUTION = 24
+"""Number of headings in 360 degrees: they are 15 degrees apart."""
 
 COSINE_RESOLUTION = 2.0**30
 """Number of grid steps per unit that cosines are rounded to, which removes the bits that differ between systems."""
@@ -34,13 +35,13 @@ def _round_cosine(value: float) -> float:
     return round(value * COSINE_RESOLUTION) / COSINE_RESOLUTION
 
 
-HEADING_VECTORS = unit_circle(HEADINGS_PER_TURN)
+HEADING_VECTORS = unit_circle(HEADINGS_PER_REVOLUTION)
 """Unit vector of each heading."""
 
 
 def heading_vector(heading: int) -> tuple[float, float]:
     """Return the unit vector of a heading, counted in steps of 15 degrees counter-clockwise from x."""
-    return HEADING_VECTORS[heading % HEADINGS_PER_TURN]
+    return HEADING_VECTORS[heading % HEADINGS_PER_REVOLUTION]
 
 
 class PortableRng:

@@ -123,7 +123,8 @@ def fill_between_loops(outer: Sequence[int], inner: Sequence[int], points: Seque
     sides = list(zip(inner, [*inner[1:], inner[0]], strict=True))
     corners = [closest_corner(i, j) for i, j in sides]
     faces = [(outer[corner], j, i) for (i, j), corner in zip(sides, corners, strict=True)]
-    # Join the sides of the outer loop between two such corners to the vertex between their inner sides.
+    # Both loops have the same orientation: the outer sides between the corners of two successive inner sides are joined
+    # to the vertex that the inner sides share.
     for k, (i, _) in enumerate(sides):
         corner = corners[k - 1]
         while corner != corners[k]:

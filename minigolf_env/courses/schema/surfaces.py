@@ -7,7 +7,7 @@ from typing import Annotated, NamedTuple
 
 from pydantic import Field
 
-from minigolf_env.courses.course import Material
+from minigolf_env.courses.course import Material, rolling_resistance_from_stimp
 from minigolf_env.courses.schema.record import Fraction, HexColor, Record
 from minigolf_env.physics import Surface
 
@@ -74,11 +74,3 @@ def _appearance(record: SurfaceRecord) -> SurfaceAppearance:
         rolling = rolling_resistance_from_stimp(record.stimp)
     surface = Surface(record.damping, record.restitution, record.tangential, rolling)
     return SurfaceAppearance(surface, record.material, record.color)
-
-
-def rolling_resistance_from_stimp(stimp: float) -> float:
-    """Return the rolling resistance of a green whose stimpmeter speed is given in feet.
-
-    A stimpmeter releases the ball at 1.829 m/s (docs/physics.md).
-    """
-    return 1.829**2 / (2.0 * 0.3048 * stimp) / 9.81
