@@ -113,22 +113,7 @@ def build_course(
 def to_toml(course: Course | CourseFile) -> str:
     """Return the text of a course file; a Course is written out triangle by triangle and loads with the same bits."""
     file = course if isinstance(course, CourseFile) else describe_course(course)
-    return tomli_w.dumps(file.model_dump(mode="json", exclude_defaults=True) | _parts_with_kinds(file))
-
-
-def _parts_with_kinds(file: CourseFile) -> dict[str, Any]:
-    """Return the parts without default values, but with their kinds, which are defaults and yet required."""
-    complete = file.model_dump(mode="json", exclude_none=True)["parts"]
-    short = file.model_dump(mode="json", exclude_defaults=True)["parts"]
-    return {"parts": [_with_kind(*pair) for pair in zip(complete, short, strict=True)]}
-
-
-def _with_kind(complete: dict[str, Any], short: dict[str, Any]) -> dict[str, Any]:
-    heights = {}
-    if "heights" in short:
-        pairs = zip(complete["heights"], short["heights"], strict=True)
-        heights = {"heights": [{"kind": height["kind"]} | short_height for height, short_height in pairs]}
-    return {"kind": complete["kind"]} | short | heights
+    return tomli_w.dumps(file.model_dump(mode="json", exclude_defaults=True))
 
 
 def _check_key_lengths(text: str) -> None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import difflib
 from typing import Annotated, Any, TypeAlias
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 from pydantic_core import PydanticCustomError
 
 from minigolf_env.courses.schema.limits import MAX_COURSE_COORDINATE
@@ -44,3 +44,10 @@ class Record(BaseModel):
                         "unknown_key", "{message}", {"message": f"unknown key {key!r:.60}; {hint}"}
                     )
         return data
+
+    @model_serializer(mode="wrap")
+    def _keep_kind(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Write ``kind`` even where defaults are left out: a file that is read must have it."""
+        data: dict[str, Any] = handler(self)
+        kind = getattr(self, "kind", None)
+        return data if kind is None else {"kind": kind} | data
