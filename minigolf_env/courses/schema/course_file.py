@@ -56,7 +56,8 @@ class CourseFile(Record):
     name: NameField
     """Name of the course."""
     par: Annotated[int, Field(strict=True, ge=1, le=100)] | None = None
-    """Strokes that a good player needs. Required with a cup."""
+    """Strokes that a good player needs. A TOML file with a cup must give it; in .glb files and CourseBuilder it is then
+    2 by default."""
     about: Annotated[str, Field(max_length=500)] = ""
     """Description of the hole in one sentence, for lists of courses."""
     top_speed: Annotated[float, Field(strict=True, gt=0.0, le=1000.0)] = 6.0
@@ -73,7 +74,7 @@ class CourseFile(Record):
     tee: TeeRecord
     """Start of the ball."""
     cup: CupRecord | None = None
-    """Cup. A course without one has no golf: the ball is only thrown."""
+    """Cup. In a course without one the ball is only thrown (free-throw mode)."""
     surfaces: Annotated[dict[NameField, SurfaceRecord], Field(max_length=100, default_factory=dict)]
     """Surfaces by name, in addition to the built-in ones or in their place."""
     parts: Annotated[tuple[AnyPart, ...], Field(min_length=1, max_length=500)]
