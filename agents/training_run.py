@@ -261,7 +261,7 @@ def initialize_model(model: BaseAlgorithm, config: TrainConfig, folder: Path) ->
 def load_checkpoint(model: BaseAlgorithm, path: Path) -> None:
     """Load weights, optimizer states and counters from a checkpoint into a model.
 
-    Unlike ``BaseAlgorithm.load`` it runs no code that is pickled in the file: a stranger's run is safe to resume.
+    Unlike ``BaseAlgorithm.load`` it runs no code that is pickled in the file: an untrusted run is safe to resume.
     """
     check_sb3_file(path)
     _, parameters, variables = load_from_zip_file(path, device=model.device, load_data=False)

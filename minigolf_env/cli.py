@@ -19,9 +19,9 @@ EXIT_NO_DISPLAY = 2
 EXIT_INTERRUPTED = 130
 """Exit code after Ctrl-C, as in shells."""
 
-DESCRIPTION = "Play minigolf, record videos, evaluate policies, and check courses."
+CLI_DESCRIPTION = "Play minigolf, record videos, evaluate policies, and check courses."
 
-EPILOG = """examples:       minigolf COMMAND --help
+CLI_EPILOG = """examples:       minigolf COMMAND --help
 completion:     minigolf --tyro-write-completion {bash,zsh,tcsh} FILE
 exit codes:     0 success; 1 failure; 2 an invalid command line, or no display"""
 
@@ -47,7 +47,12 @@ def main(args: Sequence[str] | None = None) -> None:
 
 
 def _run(words: Sequence[str]) -> None:
-    """Choose the command with argparse, and run it with the arguments that tyro parses."""
+    """Choose the command with argparse, and run it with the arguments that tyro parses.
+
+    ``tyro.extras.subcommand_cli_from_dict`` alone would not do: it has no ``--version``, its list of commands contains
+    the full help of each, and ``minigolf --help`` would start more slowly, because it imports tyro and inspects all
+    commands.
+    """
     # Write a completion script.
     if words[:1] == ["--tyro-write-completion"]:
         import tyro
@@ -55,7 +60,9 @@ def _run(words: Sequence[str]) -> None:
         tyro.extras.subcommand_cli_from_dict(COMMANDS_BY_NAME, prog="minigolf", args=words)
     # Find the command.
     formatter = argparse.RawDescriptionHelpFormatter
-    parser = argparse.ArgumentParser("minigolf", description=DESCRIPTION, epilog=EPILOG, formatter_class=formatter)
+    parser = argparse.ArgumentParser(
+        "minigolf", description=CLI_DESCRIPTION, epilog=CLI_EPILOG, formatter_class=formatter
+    )
     parser.add_argument("--version", action="version", version=f"minigolf_env {__version__}")
     subparsers = parser.add_subparsers(title="commands", metavar="COMMAND", dest="command", required=True)
     for name, command in COMMANDS_BY_NAME.items():

@@ -1,1 +1,1 @@
-"""Programs for people: the game, videos of policies, the course check, galleries and putt maps."""
+"""Applications: the game, videos of policies, the course check, galleries and putt maps."""

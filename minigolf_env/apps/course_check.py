@@ -31,21 +31,21 @@ NUM_RIM_PROBES = 16
 """Number of points around the cup where the floor is checked."""
 
 
-def find_course_errors(path: str | Path | Course) -> Iterator[str]:
+def find_course_errors(course: str | Path | Course) -> Iterator[str]:
     """Yield a sentence for each error of a hole; none if it can be played.
 
     Args:
-        path: a course file, the name of a bundled course, or a Course.
+        course: a course file, the name of a bundled course, or a Course.
     """
     try:
-        course = load_course(path)
-        world = course.world()
+        loaded = load_course(course)
+        world = loaded.world()
     except CourseError as error:
         yield str(error)
         return
-    yield from _tee_and_cup_errors(course, world)
-    if course.cup is not None:
-        yield from _play_errors(course)
+    yield from _tee_and_cup_errors(loaded, world)
+    if loaded.cup is not None:
+        yield from _play_errors(loaded)
 
 
 def _tee_and_cup_errors(course: Course, world: World) -> Iterator[str]:

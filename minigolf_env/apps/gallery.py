@@ -14,12 +14,9 @@ from minigolf_env._atomic_io import atomic_write
 from minigolf_env._validation import one_of
 from minigolf_env.courses import Course, list_courses, load_course
 from minigolf_env.courses.io.toml_course import read_description
-from minigolf_env.courses.library import DATA_DIR
+from minigolf_env.courses.library import DATA_DIR, ROOM_NAMES
 from minigolf_env.rendering import static_view
 from minigolf_env.rendering.gl.offscreen import draw
-
-COURSE_WITHOUT_CUP = "room"
-"""Name of the bundled course without a cup, which ``list_courses`` leaves out."""
 
 NUM_SHEET_COLUMNS = 3
 """Number of images in a row of the contact sheet."""
@@ -33,7 +30,7 @@ def course_table() -> Table:
     table = Table(box=None)
     for column in ("course", "par", "size", "triangles", "description"):
         table.add_column(column, justify="left" if column in ("course", "description") else "right")
-    for name in [*list_courses(), COURSE_WITHOUT_CUP]:
+    for name in [*list_courses(), *ROOM_NAMES]:
         course = load_course(name)
         vertices = np.concatenate([part.mesh.vertices for part in course.parts])
         size = " x ".join(f"{side:.1f}" for side in np.ptp(vertices, axis=0)[:2].tolist())
@@ -60,7 +57,7 @@ def write_gallery(folder: Path) -> Path:
     from matplotlib.image import imsave
 
     folder.mkdir(parents=True, exist_ok=True)
-    names = [*list_courses(), COURSE_WITHOUT_CUP]
+    names = [*list_courses(), *ROOM_NAMES]
     num_rows = -(-len(names) // NUM_SHEET_COLUMNS)
     sheet = Figure(figsize=(5.0 * NUM_SHEET_COLUMNS, 4.05 * num_rows), layout="constrained")
     progress = tqdm(names, "Drawing", leave=False, disable=None)
@@ -69,12 +66,12 @@ def write_gallery(folder: Path) -> Path:
         if name is not None:
             course = load_course(name)
             image = render_course(course, "orbit")
-            with atomic_write(folder / f"{name}.png") as part:
-                imsave(part, image)
+            with atomic_write(folder / f"{name}.png") as temp_path:
+                imsave(temp_path, image)
             axes.imshow(image)
             axes.set_title(name if course.par is None else f"{name}, par {course.par}", fontsize=16)
-    with atomic_write(folder / "courses.png") as part:
-        sheet.savefig(part, dpi=60)
+    with atomic_write(folder / "courses.png") as temp_path:
+        sheet.savefig(temp_path, dpi=60)
     return folder / "courses.png"
 
 
@@ -88,6 +85,6 @@ def write_preview(course: Course, path: Path) -> None:
     from matplotlib.image import imsave
 
     one_of(path.suffix.lower(), PREVIEW_ENDINGS, "preview: the file's ending")
-    with atomic_write(path) as part:
+    with atomic_write(path) as temp_path:
         views = [render_course(course, camera, (480, 480)) for camera in ("tee", "top", "orbit")]
-        imsave(part, np.concatenate(views, axis=1))
+        imsave(temp_path, np.concatenate(views, axis=1))

@@ -38,7 +38,7 @@ MATERIAL_MAP_COLORS = {
     "paint": "#cfcac0",
     "water": "#7fb3d0",
 }
-"""Color of each material on a map."""
+"""Colour of each material on a map."""
 
 
 class PuttOutcomes(NamedTuple):
@@ -182,11 +182,11 @@ def write_map(
 
     figure = Figure(figsize=(13.0, 5.0), layout="constrained")
     one_of(output.suffix[1:].lower(), tuple(figure.canvas.get_supported_filetypes()), "output: the file's ending")
-    with atomic_write(output) as part:
+    with atomic_write(output) as temp_path:
         loaded = load_course(course)
         putts = simulate_putts(loaded, tee, directions, speeds, progress)
         left, right = figure.subplots(1, 2, width_ratios=(2.2, 1.0))
         draw_map(left, loaded, putts)
         draw_polar(right, putts)
-        figure.savefig(part, dpi=90)
+        figure.savefig(temp_path, dpi=90)
     return putts

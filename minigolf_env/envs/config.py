@@ -168,7 +168,7 @@ def build_task(
     if loaded.cup is None:
         raise ValueError(
             f"course: expected one with a cup, received {loaded.name!r}; "
-            "load_course(...).world() throws a ball in a room without golf."
+            "load_course(...).world() throws a ball in a room without a cup."
         )
     speed = loaded.top_speed if top_speed is None else top_speed
     speed = positive_number(speed, "top_speed", "give the launch speed of a full putt in m/s.")

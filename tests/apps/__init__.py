@@ -1,1 +1,1 @@
-"""Tests of the programs for people."""
+"""Tests of the applications."""
