@@ -24,7 +24,7 @@ from minigolf_env.envs.infos import single_info
 from minigolf_env.envs.rewards import explain_unserializable
 from minigolf_env.envs.stroke import play_stroke
 from minigolf_env.envs.task import FloatArray, Outcome, action_space
-from minigolf_env.rendering import RENDER_FPS, RENDER_MODES, EpisodeRenderer, RenderContext
+from minigolf_env.rendering import RENDER_FPS, RENDER_MODES, EpisodeRenderer, PuttScene
 
 Observation = NDArray[Any]
 Action = NDArray[np.float32]
@@ -152,7 +152,7 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
         self._reward = config.reward
         self.task = self._sampler.default()
         self.render_mode = render_mode
-        self.renderer = EpisodeRenderer(self._render_context(), config.render_settings)
+        self.renderer = EpisodeRenderer(self._putt_scene(), config.render_settings)
         self.action_space = action_space()
         self.observation_space = self._observation.space()
         self._position: FloatArray | None = None
@@ -200,7 +200,7 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
         self._position = position
         self._strokes = 0
         self._over = False
-        self.renderer.place_ball(position, self._render_context())
+        self.renderer.place_ball(position, self._putt_scene())
         return self._observe(), self._info(None)
 
     def step(self, action: ArrayLike) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
@@ -253,7 +253,7 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
         self._position = episode.position
         self._strokes = episode.strokes
         self._over = episode.over
-        self.renderer.place_ball(episode.position, self._render_context())
+        self.renderer.place_ball(episode.position, self._putt_scene())
 
     def _ball(self) -> FloatArray:
         """Return the ball's centre (3,), m, or raise before the first reset."""
@@ -270,5 +270,5 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
         index = task_index_info(self._sampler, self.task)
         return single_info(self._strokes, outcome, self.task.course.name, index)
 
-    def _render_context(self) -> RenderContext:
-        return RenderContext(self.task.course, self.task.simulate_path)
+    def _putt_scene(self) -> PuttScene:
+        return PuttScene(self.task.course, self.task.simulate_path)

@@ -30,7 +30,7 @@ from minigolf_env.envs.infos import LastStrokes, batch_info, final_info
 from minigolf_env.envs.rewards import explain_unserializable
 from minigolf_env.envs.stroke import play_stroke
 from minigolf_env.envs.task import FloatArray, Outcome, Task, TaskBatch, action_space, stack_tasks
-from minigolf_env.rendering import RENDER_FPS, EpisodeRenderer, RenderContext
+from minigolf_env.rendering import RENDER_FPS, EpisodeRenderer, PuttScene
 
 Observations = NDArray[Any]
 Actions = NDArray[np.float32]
@@ -102,8 +102,8 @@ class MiniGolfVectorEnv(gym.vector.VectorEnv[Observations, Actions, NDArray[Any]
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         task = self._sampler.default()
         num_renderers = num_envs if render_mode is not None else 0
-        context = RenderContext(task.course, task.simulate_path)
-        self.renderers = tuple(EpisodeRenderer(context, config.render_settings) for _ in range(num_renderers))
+        scene = PuttScene(task.course, task.simulate_path)
+        self.renderers = tuple(EpisodeRenderer(scene, config.render_settings) for _ in range(num_renderers))
         # Make the state of the episodes, arrays (N,) and (N, 3). There are no generators before the first reset.
         self.task_batch: TaskBatch = task
         self._tasks: NDArray[np.object_] = np.full(num_envs, task, dtype=object)
@@ -355,8 +355,8 @@ class MiniGolfVectorEnv(gym.vector.VectorEnv[Observations, Actions, NDArray[Any]
         """Show the balls of some environments, which were placed without a putt, on their courses."""
         for i in rows.tolist() if self.renderers else ():
             task = self._tasks[i]
-            context = RenderContext(task.course, task.simulate_path)
-            self.renderers[i].place_ball(self._positions[i].copy(), context, keep_last)
+            scene = PuttScene(task.course, task.simulate_path)
+            self.renderers[i].place_ball(self._positions[i].copy(), scene, keep_last)
 
     def _observe(self, rows: Rows | slice) -> Observations:
         return self._observation.observe(self._subset(rows), self._positions[rows], self._strokes[rows])

@@ -1,7 +1,7 @@
 """Rendering of courses and putts. Importing this package loads no OpenGL; the first image does."""
 
 from minigolf_env.rendering.camera import CAMERA_NAMES, Camera
-from minigolf_env.rendering.episode_renderer import EpisodeRenderer, RenderContext
+from minigolf_env.rendering.episode_renderer import EpisodeRenderer, PuttScene
 from minigolf_env.rendering.errors import RenderingError
 from minigolf_env.rendering.image import Image, check_size, tile, tile_sequences
 from minigolf_env.rendering.props import flag_rest_position
@@ -19,7 +19,7 @@ __all__ = [
     "EpisodeRenderer",
     "Image",
     "Line",
-    "RenderContext",
+    "PuttScene",
     "RenderSettings",
     "RenderingError",
     "SceneState",

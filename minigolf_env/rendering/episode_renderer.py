@@ -1,7 +1,7 @@
 """Rendering of one environment: its putts as an image, as a list of frames, or as an animation in a window.
 
-The environment reports each placement of the ball and each putt. Paths are traced and images drawn only when somebody
-asks for them.
+The environment reports each placement of the ball and each putt. Paths are simulated and images drawn only when a
+method that returns or shows images is called.
 """
 
 from __future__ import annotations
@@ -24,50 +24,62 @@ if TYPE_CHECKING:
     from minigolf_env.rendering.window import Window
 
 FloatArray = NDArray[np.float64]
-Trace = Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
+PathSimulator = Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
 """Function from a ball's position and velocity (3,) to its path (T, 3) and times (T,)."""
 
 NUM_PATH_POINTS = 400
 """Number of points of the line that shows the last putt in a single image."""
 
 
-class RenderContext(NamedTuple):
+class PuttScene(NamedTuple):
     """The course on which putts are played, and its physics."""
 
     course: Course
     """The course."""
-    trace: Trace
+    simulate_path: PathSimulator
     """Simulation of a putt that records the path."""
 
 
-class _RenderEvent(NamedTuple):
-    """A placement of the ball, or a putt."""
+class _Placement(NamedTuple):
+    """A placement of the ball at rest."""
 
-    context: RenderContext
+    scene: PuttScene
     """The course and its physics."""
     next_position: FloatArray
-    """Position (3,) of the ball after the event, m."""
-    start: FloatArray | None = None
-    """Position (3,) from which the ball was struck, m; None: the ball was placed."""
-    velocity: FloatArray | None = None
-    """Launch velocity (3,), m/s; None: the ball was placed."""
+    """Position (3,) of the ball for the next putt, m."""
+
+
+class _Putt(NamedTuple):
+    """A putt."""
+
+    scene: PuttScene
+    """The course and its physics."""
+    next_position: FloatArray
+    """Position (3,) of the ball for the next putt, m."""
+    start: FloatArray
+    """Position (3,) from which the ball was struck, m."""
+    velocity: FloatArray
+    """Launch velocity (3,), m/s."""
+
+
+_Event = _Placement | _Putt
 
 
 class EpisodeRenderer:
-    """Renders the putts of one environment; computes nothing until it is asked to.
+    """Renders the putts of one environment; simulates and draws only on request.
 
     Args:
-        context: the course of the first putts and its physics.
+        scene: the course of the first putts and its physics.
         settings: render mode, image size, camera and profile.
     """
 
-    def __init__(self, context: RenderContext, settings: RenderSettings) -> None:
+    def __init__(self, scene: PuttScene, settings: RenderSettings) -> None:
         self._settings = settings
-        self._context = context
-        """Context of the last rendered event."""
-        self._next_context = context
-        """Context of the next reported event."""
-        self._pending: list[_RenderEvent] = []
+        self._scene = scene
+        """Scene of the last rendered event."""
+        self._next_scene = scene
+        """Scene of the next reported event."""
+        self._pending: list[_Event] = []
         """Reported events that have not been rendered."""
         self._subscribers: list[EpisodeRenderer] = []
         self._ball = np.zeros(3)
@@ -77,22 +89,22 @@ class EpisodeRenderer:
         self._last_replay: Replay | None = None
         self._window: Window | None = None
 
-    def place_ball(self, ball: FloatArray, context: RenderContext | None = None, keep_last: bool = False) -> None:
+    def place_ball(self, ball: FloatArray, scene: PuttScene | None = None, keep_last: bool = False) -> None:
         """Report that the ball was placed at rest, as at a reset.
 
         Args:
             ball: centre (3,) of the ball, m.
-            context: the course of the ball and of the next putts; None: the same as before.
+            scene: the course of the ball and of the next putts; None: the same as before.
             keep_last: the last event has not been rendered and still will be; False: pending events are dropped.
         """
-        self._next_context = context or self._next_context
-        self._add(_RenderEvent(self._next_context, ball), self._pending[-1:] if keep_last else [])
+        self._next_scene = scene or self._next_scene
+        self._add(_Placement(self._next_scene, ball), self._pending[-1:] if keep_last else [])
         for subscriber in self._subscribers:
-            subscriber.place_ball(ball, context, keep_last)
+            subscriber.place_ball(ball, scene, keep_last)
 
     def add_putt(self, start: FloatArray, velocity: FloatArray, next_position: FloatArray) -> None:
         """Report a putt: where it started (3,), its velocity (3,), and where the ball is for the next one (3,)."""
-        self._add(_RenderEvent(self._next_context, next_position, start, velocity), self._pending)
+        self._add(_Putt(self._next_scene, next_position, start, velocity), self._pending)
         for subscriber in self._subscribers:
             subscriber.add_putt(start, velocity, next_position)
 
@@ -101,7 +113,7 @@ class EpisodeRenderer:
 
         Each renderer has its own list of pending events: neither takes frames from the other.
         """
-        subscriber = EpisodeRenderer(self._next_context, replace(self._settings, mode="rgb_array_list"))
+        subscriber = EpisodeRenderer(self._next_scene, replace(self._settings, mode="rgb_array_list"))
         subscriber._ball = self._pending[-1].next_position if self._pending else self._ball
         self._subscribers.append(subscriber)
         return subscriber
@@ -144,7 +156,7 @@ class EpisodeRenderer:
         if self._window is not None:
             self._window.close()
 
-    def _add(self, event: _RenderEvent, pending: list[_RenderEvent]) -> None:
+    def _add(self, event: _Event, pending: list[_Event]) -> None:
         """Append an event to the pending ones; a window shows it at once."""
         if self._settings.mode is None:
             return
@@ -159,38 +171,38 @@ class EpisodeRenderer:
         for event in self._take_pending():
             replay = self._apply(event)
             if replay is None:
-                self._open_window().present(*self._static_view())
+                self._open_window().draw_and_handle_events(*self._static_view())
             else:
                 self._open_window().play(replay)
 
-    def _take_pending(self) -> Iterator[_RenderEvent]:
+    def _take_pending(self) -> Iterator[_Event]:
         """Yield the pending events in order and remove each."""
         while self._pending:
             yield self._pending.pop(0)
 
-    def _start_episode(self, event: _RenderEvent) -> None:
-        """Take over the context and the ball of an event, without a history of putts."""
-        self._context = event.context
+    def _start_episode(self, event: _Event) -> None:
+        """Take over the scene and the ball of an event, without a history of putts."""
+        self._scene = event.scene
         self._ball = event.next_position
         self._rotation = np.eye(3)
         self._time = 0.0
         self._last_replay = None
 
-    def _apply(self, event: _RenderEvent) -> Replay | None:
+    def _apply(self, event: _Event) -> Replay | None:
         """Advance to after an event; return the replay of a putt, or None for a placed ball.
 
         A putt's replay continues the previous one: camera, rotation of the ball and time.
         """
-        if event.start is None or event.velocity is None:
+        if isinstance(event, _Placement):
             self._start_episode(event)
             return None
-        if event.context is not self._context:  # The ball was placed there, and that event was dropped.
+        if event.scene is not self._scene:  # The ball was placed there, and that event was dropped.
             self._start_episode(event)
         self._ball = event.next_position
-        path, times = self._context.trace(event.start, event.velocity)
+        path, times = self._scene.simulate_path(event.start, event.velocity)
         previous = None if self._settings.mode == "rgb_array" else self._last_replay
         replay = Replay(
-            self._context.course,
+            self._scene.course,
             path,
             times,
             self._settings.camera,
@@ -208,21 +220,22 @@ class EpisodeRenderer:
     def _static_view(self) -> tuple[Camera, SceneState]:
         """Return camera and scene state of the ball at rest."""
         settings = self._settings
-        return static_view(self._context.course, settings.camera, settings.aspect, self._ball, self._time)
+        return static_view(self._scene.course, settings.camera, settings.aspect, self._ball, self._time)
 
     def _draw(self, camera: Camera, state: SceneState) -> Image:
+        """Return an image in the settings' size and profile."""
         from minigolf_env.rendering.gl.offscreen import draw
 
         profile = "fast" if self._settings.profile == "fast" else "high"
-        return draw(self._context.course, camera, state, self._settings.size, profile)
+        return draw(self._scene.course, camera, state, self._settings.size, profile)
 
     def _open_window(self) -> Window:
         """Return the window on the present course; it is opened at the first call."""
         if self._window is None:
             from minigolf_env.rendering.window import Window
 
-            self._window = Window(self._context.course, self._settings)
-        self._window.set_course(self._context.course)
+            self._window = Window(self._scene.course, self._settings)
+        self._window.set_course(self._scene.course)
         return self._window
 
     def __getstate__(self) -> dict[str, Any]:

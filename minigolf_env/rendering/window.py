@@ -1,4 +1,4 @@
-"""A window that shows putts in real time or in a multiple of it: frames are dropped, never simulated time."""
+"""A window that shows putts in real time or in a multiple of it; late frames are skipped to keep the pace."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ MIN_PRESENT_INTERVAL = 1.0 / 120.0
 
 
 class Window:
-    """A window on a course. After its user has closed it, all that it is asked to show is ignored.
+    """A window that shows a course. Once its user has closed it, further draw calls do nothing.
 
     Args:
         course: the course.
@@ -77,8 +77,8 @@ class Window:
             if self.is_open:
                 self.window.set_caption(f"minigolf: {course.name}")
 
-    def present(self, camera: Camera, state: SceneState) -> None:
-        """Show a scene state with the whole width of the camera's view, and handle the events of the window's user.
+    def draw_and_handle_events(self, camera: Camera, state: SceneState) -> None:
+        """Draw a scene state with the whole width of the camera's view, then handle the events of the window's user.
 
         Raises:
             RenderingError: this process was forked from the one that opened the window.
@@ -94,7 +94,7 @@ class Window:
                 self.close()
 
     def draw(self, camera: Camera, state: SceneState) -> None:
-        """Show a scene state."""
+        """Draw a scene state; the caller handles the window's events."""
         self._shown = camera, state
         with egl_released():
             self._redraw()
@@ -114,12 +114,12 @@ class Window:
         start_time = last_frame_time = time.perf_counter()
         replay_time = 0.0
         while self.is_open and replay_time < replay.duration:
-            self.present(*replay.view(replay_time))
+            self.draw_and_handle_events(*replay.view(replay_time))
             time.sleep(max(0.0, last_frame_time + MIN_PRESENT_INTERVAL - time.perf_counter()))
             last_frame_time = time.perf_counter()
             replay_time = (last_frame_time - start_time) * self._speed
         if self.is_open:
-            self.present(*replay.view(replay.duration))
+            self.draw_and_handle_events(*replay.view(replay.duration))
 
     def close(self) -> None:
         """Close the window."""
@@ -128,7 +128,7 @@ class Window:
         self.window = None
 
     def _redraw(self) -> None:
-        """Draw the present scene state again, as when the window is exposed or resized."""
+        """Draw the last scene state again, as when the window is exposed or resized."""
         if not self.is_open or self._shown is None:
             return
         self.window.switch_to()

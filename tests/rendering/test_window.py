@@ -69,8 +69,8 @@ def test_window_shows_a_putt_in_real_time(display: str) -> None:
     code = """
         human.reset(seed=1)
         shown = []
-        show = window().present
-        window().present = lambda camera, state: (shown.append(state.ball), show(camera, state))
+        show = window().draw_and_handle_events
+        window().draw_and_handle_events = lambda camera, state: (shown.append(state.ball), show(camera, state))
         start = time.perf_counter()
         info = human.step(putt)[4]
         assert time.perf_counter() - start >= info["shot_time"] > 0.5
@@ -84,12 +84,12 @@ def test_closed_window_stays_closed_and_the_environment_plays_on(display: str) -
     """Its user closes it during a putt, which is played to its end; close() twice and render() are harmless."""
     code = """
         human.reset(seed=1), array.reset(seed=1)
-        show, count = window().present, [0]
+        show, count = window().draw_and_handle_events, [0]
         def closing(camera, state):
             count[0] += 1
             if count[0] == 3: window().window.dispatch_event("on_close")
             show(camera, state)
-        window().present = closing
+        window().draw_and_handle_events = closing
         human.step(putt), array.step(putt)
         assert count[0] == 3 and not window().is_open
         assert human.unwrapped.get_state()["position"] == array.unwrapped.get_state()["position"]
@@ -110,7 +110,7 @@ def test_resized_window_is_filled(display: str) -> None:
         expected = wide.render()
         end = time.monotonic() + 60.0
         while time.monotonic() < end:
-            window().present(*window()._shown)
+            window().draw_and_handle_events(*window()._shown)
             x, y = window().window.get_location()
             seen = np.asarray(ImageGrab.grab(xdisplay=display).convert("RGB"))[y:y + 240, x:x + 480]
             if np.abs(seen.astype(int) - expected).mean() < 8.0: break
