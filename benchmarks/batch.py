@@ -93,7 +93,7 @@ def print_step_cost(args: Args) -> None:
         "random putts, rays": (False, {"observation": "rays"}),
         "random putts with noise": (False, {"putt_noise": (0.5, 0.015)}),
         "random putts, easy levels": (False, {"course": "procedural"}),
-        "putts of length 0, ten an episode": (True, {}),
+        "putts of length 0, ten per episode": (True, {}),
         "putts of length 0, no episode ends": (True, {"max_strokes": ENDLESS_EPISODE_STROKES}),
     }
     rows = []
@@ -101,7 +101,7 @@ def print_step_cost(args: Args) -> None:
         cost = measure_steps(args, idle, autoreset_mode="SameStep", **options)
         rates = [format_rate(args.envs / value) for value in cost[:3]]
         rows.append([name, *rates, f"{cost.ratio:.2f}", f"{cost.overhead / args.envs * 1e6:.2f}"])
-    print_table(["step", "steps/s", "at best", "putts alone/s", "ratio", "overhead, us a putt"], rows)
+    print_table(["step", "steps/s", "best steps/s", "simulate_batch/s", "ratio", "overhead, us per putt"], rows)
 
 
 def print_adapter_cost(args: Args) -> None:
@@ -122,7 +122,7 @@ def print_adapter_cost(args: Args) -> None:
     base = statistics.median(times["the batch"])
     medians = {name: statistics.median(values) for name, values in times.items()}
     rows = [[name, f"{value * 1e3:.2f}", f"{(value - base) / args.envs * 1e6:.2f}"] for name, value in medians.items()]
-    print_table(["stack", "ms a step", "added, us a putt"], rows)
+    print_table(["stack", "ms per step", "added, us per putt"], rows)
 
 
 def print_state_cost(args: Args) -> None:
@@ -134,12 +134,12 @@ def print_state_cost(args: Args) -> None:
     calls: dict[str, tuple[Callable[[], Any], int]] = {
         "get_state": (envs.get_state, args.envs),
         "set_state": (lambda: envs.set_state(state), args.envs),
-        "what_if of 16 putts, a putt": (lambda: envs.what_if(putts), 16 * args.envs),
+        "what_if of 16 putts, per putt": (lambda: envs.what_if(putts), 16 * args.envs),
     }
     rows = []
     for name, (call, count) in calls.items():
         rows.append([name, f"{statistics.median(cpu_seconds(call) for _ in range(3)) / count * 1e6:.1f}"])
-    print_table(["call", "us an environment"], rows)
+    print_table(["call", "us per environment"], rows)
 
 
 def print_memory(args: Args) -> None:

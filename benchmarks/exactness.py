@@ -68,7 +68,7 @@ class Args:
 
 
 def left_room(positions: FloatArray, starts: FloatArray, walls: Sequence[float]) -> NDArray[np.bool_]:
-    """Return a mask of the balls (N, 3) that have left the room or passed one of the walls."""
+    """Return a mask of the balls (N, 3) that are outside the room or behind a wall at x = walls."""
     outside = ~((positions >= ROOM_BOUNDS[0]) & (positions <= ROOM_BOUNDS[1])).all(axis=1)
     return np.asarray(outside | (np.digitize(positions[:, 0], walls) != np.digitize(starts[:, 0], walls)))
 

@@ -1,4 +1,4 @@
-"""Count putts that end as none must: at the time limit, with exhausted sub-steps, inside a solid, or stuck."""
+"""Count putts that fail: at the time limit, out of sub-steps, inside a solid, or stuck where no putt moves the ball."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ class CountingWorld:
     def __init__(self, world: World) -> None:
         self._world = world
         self.num_putts = 0
-        self.num_late = 0
-        """Number of balls that had not come to rest at the time limit."""
+        self.num_timed_out = 0
+        """Number of balls that were still moving at the time limit."""
         self.num_exhausted = 0
-        """Number of balls that used up the sub-steps of a step."""
+        """Number of balls that needed more sub-steps in a time step than the limit."""
         self.num_inside = 0
         """Number of balls that ended inside a solid."""
 
@@ -43,7 +43,7 @@ class CountingWorld:
         shot = self._world.simulate_batch(positions, velocities, max_time)
         min_clearance = -PENETRATION_TOLERANCE * self._world.coordinate_scale
         self.num_putts += len(positions)
-        self.num_late += int((np.asarray(shot.status) == Status.TIME_LIMIT).sum())
+        self.num_timed_out += int((np.asarray(shot.status) == Status.TIME_LIMIT).sum())
         self.num_exhausted += int(np.asarray(shot.exhausted).sum())
         self.num_inside += int((self._world.clearance(shot.position) < min_clearance).sum())
         return shot

@@ -3,7 +3,7 @@
 Run ``python -m benchmarks.levels --levels 1000 --log levels.jsonl``. For each level are measured:
 
 - the time to generate it and to build its world,
-- putts of random play and of search that run out of sub-steps, end inside a solid, or do not rest in time,
+- putts of random play and of search that run out of sub-steps, end inside a solid, or reach the time limit,
 - putts of random play that leave the course below the top of the border, and balls that no putt can move,
 - the number of strokes in which search holes out from the centre of the tee.
 
@@ -44,10 +44,10 @@ TABLE_HEADER = (
     "out of bounds",
     "out under the border",
     "stuck",
-    "putts, search's too",
-    "late",
-    "exhausted",
-    "in a solid",
+    "all putts",
+    "time limit",
+    "out of sub-steps",
+    "inside a solid",
 )
 
 
@@ -89,7 +89,7 @@ class LevelReport(NamedTuple):
     putts: int
     """Number of putts of random play and search together."""
     late: int
-    """Number of putts that do not rest in time."""
+    """Number of putts that reach the time limit."""
     exhausted: int
     """Number of putts with a step that ran out of sub-steps."""
     inside: int
@@ -128,7 +128,7 @@ def examine_level(env: MiniGolfEnv, difficulty: str, level: int, args: Args) -> 
         low_out=low_out,
         stuck=count_stuck(task, balls),
         putts=counting_world.num_putts,
-        late=counting_world.num_late,
+        late=counting_world.num_timed_out,
         exhausted=counting_world.num_exhausted,
         inside=counting_world.num_inside,
     )

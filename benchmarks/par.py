@@ -2,7 +2,8 @@
 
 Search plays each hole from random tees with noise of 1.5 degrees and 5 % of the speed, like a human player. Par is the
 rounded mean of its strokes, and at least 2. The par of a course file is confirmed if it is the par of some mean in the
-95 % confidence interval. All putts that search tries are checked: none may be late, exhausted or inside a solid.
+95 % confidence interval. All putts that search tries are checked: none should reach the time limit, run out of
+sub-steps or end inside a solid.
 """
 
 from __future__ import annotations
@@ -44,7 +45,16 @@ class Args:
 
 def main(args: Args) -> None:
     """Print a line for each hole, and the table at the end."""
-    columns = ["hole", "par", "confirmed", "strokes of search", "putts", "late", "exhausted", "in a solid"]
+    columns = [
+        "hole",
+        "par",
+        "confirmed",
+        "strokes of search",
+        "putts",
+        "time limit",
+        "out of sub-steps",
+        "inside a solid",
+    ]
     rows = []
     for name in args.courses:
         env = MiniGolfEnv(name, max_strokes=args.max_strokes, putt_noise=PUTT_NOISE)
@@ -54,7 +64,7 @@ def main(args: Args) -> None:
             env.reset(seed=seed)
             world = count_failures(env)
             strokes.append(search_strokes(env))
-            counts += world.num_putts, world.num_late, world.num_exhausted, world.num_inside
+            counts += world.num_putts, world.num_timed_out, world.num_exhausted, world.num_inside
         interval = mean_interval(strokes)
         par = par_of(name)
         low, high = (max(MIN_PAR, round(mean)) for mean in interval)

@@ -1,8 +1,8 @@
 """Measure the CPU time of a frame next to MuJoCo's renderer: ``python -m benchmarks.rendering``.
 
-Both renderers use EGL. Our profile "high" is compared with MuJoCo at four samples a pixel with shadows; our profile
+Both renderers use EGL. Our profile "high" is compared with MuJoCo at four samples per pixel with shadows; our profile
 "fast" (one sample, with shadows) with MuJoCo without both. The scene is a ball on a green with borders and obstacles;
-the camera follows the ball. MuJoCo's shadow map has 1024 pixels a side, as ours; its default, 4096, is slower. Times
+the camera follows the ball. MuJoCo's shadow map has 1024 pixels per side, as ours; its default, 4096, is slower. Times
 are CPU time of all threads, medians; the two take turns.
 
 Also measured: the time from the start of Python to the first frame, and the rate of pixel observations.
@@ -144,7 +144,7 @@ def print_observation_rate(count: int = 64) -> None:
         start = time.process_time()
         envs._observe()
         cpu_times.append(time.process_time() - start)
-    print(f"pixel observations, batch of {count}: {count / statistics.median(cpu_times[2:]):,.0f} a CPU-second")
+    print(f"pixel observations, batch of {count}: {count / statistics.median(cpu_times[2:]):,.0f} per CPU-second")
 
 
 if __name__ == "__main__":

@@ -26,8 +26,8 @@ ROOM_BOUNDS = np.array([[-2.0, -1.0, 0.0], [2.0, 1.0, 1.0]])
 TEE_BOUNDS = np.array([[-1.9, -0.9], [-1.5, 0.9]])
 """Lower and upper corner of the rectangle from which putts start, m."""
 LAWN_SURFACE = Surface(restitution=0.7, tangential=1.0, rolling=0.03)
-"""Surface of all scenes. A putt of 0.5 to 8 m/s rolls for about 6.3 s, 760 steps of 1/120 s, on the plain floor.
-Impacts keep the tangential velocity, as they do in the other engines."""
+"""Surface of all scenes. Impacts keep the tangential velocity, as they do in the other engines. A putt of 0.5 to 8 m/s
+takes 760 steps of 1/120 s on average on S, 630 on M, 650 on L and 780 on T."""
 GREEN_LEVEL = 0.05
 """Height of the level part of the green above the floor, m."""
 GREEN_RISE = 0.002

@@ -75,7 +75,7 @@ def play_episodes(env: MiniGolfEnv, planner: Planner, episodes: list[dict[str, A
 
 def main(args: Args) -> None:
     """Print a table of the default hole and a table of levels."""
-    columns = ["", "strokes [95 %]", "holes-in-one", "most", "putts tried a plan", "CPU ms a plan"]
+    columns = ["", "strokes [95 %]", "holes-in-one", "most strokes", "putts simulated per plan", "CPU ms per plan"]
     seeds = [{"seed": FIRST_EVALUATION_SEED + i} for i in range(args.episodes)]
     plain = MiniGolfEnv()
     noisy = MiniGolfEnv(putt_noise=args.noise)
@@ -85,7 +85,12 @@ def main(args: Args) -> None:
         columns,
         [
             play_episodes(plain, random_plan, seeds, "random"),
-            play_episodes(plain, make_planner(budgets=[THOROUGH_SEARCH], look_ahead=False), seeds, "thorough at once"),
+            play_episodes(
+                plain,
+                make_planner(budgets=[THOROUGH_SEARCH], look_ahead=False),
+                seeds,
+                "thorough search, no look-ahead",
+            ),
             play_episodes(plain, search, seeds, "search"),
             play_episodes(noisy, make_planner(noise=(0.0, 0.0)), seeds, "noise, search ignores it"),
             play_episodes(noisy, search, seeds, "noise, search"),
@@ -95,7 +100,7 @@ def main(args: Args) -> None:
     for difficulty in DIFFICULTY_NAMES if args.levels else ():
         env = MiniGolfEnv("procedural", difficulty=difficulty, tee="fixed")
         levels = [{"options": {"level": level}} for level in range(args.levels)]
-        rows.append(play_episodes(env, make_planner(look_ahead=False), levels, f"{difficulty}, one putt ahead"))
+        rows.append(play_episodes(env, make_planner(look_ahead=False), levels, f"{difficulty}, no look-ahead"))
         rows.append(play_episodes(env, search, levels, f"{difficulty}, search"))
     if rows:
         print_table(columns, rows)

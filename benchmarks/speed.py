@@ -1,8 +1,8 @@
 """Measure the speed of the physics next to other engines: ``python -m benchmarks.speed``.
 
 Rates are per second of CPU time on one core. Each is the median of rounds in which all engines take turns, so that a
-slow period of the machine affects all alike. benchmarks/scenes.py describes the scenes, benchmarks/peers/ the set-up of
-each engine. ``--json benchmarks/results/speed.json`` stores the rates.
+slow period of the machine affects all of them. benchmarks/scenes.py describes the scenes, benchmarks/peers/ the set-up
+of each engine. ``--json benchmarks/results/speed.json`` stores the rates.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ MAX_SIMULATED_TIME = 30.0
 REST_SPEED = 0.01
 """Speed below which a peer's ball counts as at rest, m/s; some never stop completely."""
 NUM_SINGLE_PUTTS = 16
-"""Number of putts a round of a peer with one ball."""
+"""Number of putts per round of a peer with one ball."""
 STEPS_PER_REST_CHECK = 120
 """Number of steps between two checks whether a peer's balls rest: one second."""
 
@@ -42,13 +42,13 @@ class Args:
     """Arguments of the command line."""
 
     putts: int = 1000
-    """Number of putts of minigolf_env a round, in one batch; the last of them do not fill the SIMD batch."""
+    """Number of putts of minigolf_env per round, in one batch; the last of them do not fill a SIMD batch."""
     balls: int = 64
     """Number of balls in one world of a peer."""
     sweeps: int = 20_000
-    """Number of sweeps of minigolf_env a round."""
+    """Number of sweeps of minigolf_env per round."""
     casts: int = 2_000
-    """Number of sphere casts or rays of a peer a round."""
+    """Number of sphere casts or rays of a peer per round."""
     rounds: int = 5
     """Number of rounds."""
     triangles: int = 1_000_000
@@ -249,7 +249,9 @@ def print_build_times(args: Args) -> None:
         time_cells = [f"{seconds:.2f}", f"{1e6 * seconds / n:.2f}"]
         memory_cells = [f"{kept / n:.0f}", f"{peak / n:.0f}"]
         rows.append([f"{n:,}", *time_cells, *memory_cells])
-    print_table(["triangles", "build, CPU s", "us a triangle", "bytes kept a triangle", "at most while building"], rows)
+    print_table(
+        ["triangles", "build, CPU s", "us per triangle", "bytes kept per triangle", "peak bytes per triangle"], rows
+    )
 
 
 def measure_memory(build: Callable[[], World]) -> tuple[int, int]:

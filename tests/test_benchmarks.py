@@ -76,10 +76,10 @@ def test_levels_benchmark_resumes_from_its_log(tmp_path: Path, capsys: pytest.Ca
 
 
 def test_par_prints_a_row_for_each_hole(capsys: pytest.CaptureFixture[str]) -> None:
-    """Search's putts are counted, with those that lost time or ended in a solid."""
+    """All putts that search simulated are counted, and those that failed."""
     par.main(par.Args(rounds=2, courses=("funnel",)))
     printed = capsys.readouterr().out
-    assert "| funnel | 2   | yes " in printed and "late 0; exhausted 0; in a solid 0" in printed
+    assert "| funnel | 2   | yes " in printed and "time limit 0; out of sub-steps 0; inside a solid 0" in printed
 
 
 def test_exactness_prints_and_stores_the_same_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -111,8 +111,8 @@ def test_stored_results_match_the_current_settings(script: Any) -> None:
 
 def test_sweeps_reach_walls_at_the_closed_form_time() -> None:
     """Measured times of impact with the walls of the room are exact up to rounding."""
-    late = exactness.largest_contact_error(Minigolf, exactness.Args(sweeps=200))
-    assert late is not None and late < 1e-13
+    error = exactness.largest_contact_error(Minigolf, exactness.Args(sweeps=200))
+    assert error is not None and error < 1e-13
 
 
 def test_batch_benchmark_prints_all_rows(capsys: pytest.CaptureFixture[str]) -> None:
@@ -163,7 +163,7 @@ def test_search_benchmark_prints_all_rows(capsys: pytest.CaptureFixture[str]) ->
     """Each variant of search has a row."""
     search.main(search.Args(episodes=1, levels=0))
     printed = capsys.readouterr().out
-    for row in ("random", "thorough at once", "search ", "noise, search ignores", "noise, search "):
+    for row in ("random", "thorough search", "search ", "noise, search ignores", "noise, search "):
         assert f"| {row}" in printed
 
 

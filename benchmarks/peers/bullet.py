@@ -9,9 +9,9 @@ from benchmarks.peers.engine import GRAVITY_ACCELERATION, Engine
 from benchmarks.scenes import BALL_RADIUS, FloatArray, Scene
 
 MAX_STEPS_PER_CALL = 120
-"""Largest number of steps a call; Bullet runs them as sub-steps of one long step, without the overhead of Python."""
+"""Largest number of steps per call; Bullet runs them as sub-steps of one long step, without the overhead of Python."""
 MAX_RAYS_PER_CALL = 10_000
-"""Largest number of rays a call, below pybullet's limit of 16,384 (MAX_RAY_INTERSECTION_BATCH_SIZE_STREAMING)."""
+"""Largest number of rays per call, below pybullet's limit of 16,384 (MAX_RAY_INTERSECTION_BATCH_SIZE_STREAMING)."""
 SCENERY_GROUP = 1
 BALL_GROUP = 2
 SWEPT_SPHERE_RADIUS = 0.9 * BALL_RADIUS
@@ -71,7 +71,7 @@ class Bullet(Engine):
             pybullet.resetBaseVelocity(ball, velocity, (0, 0, 0), physicsClientId=self.client)
 
     def step(self, steps: int) -> None:
-        """Advance all balls, with up to MAX_STEPS_PER_CALL steps a call."""
+        """Advance all balls, with up to MAX_STEPS_PER_CALL steps per call."""
         while steps > 0:
             batch = min(steps, MAX_STEPS_PER_CALL)
             if batch != self._steps_per_call:

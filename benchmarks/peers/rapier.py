@@ -51,7 +51,7 @@ class Rapier(Engine):
             ball.linvel = velocity
 
     def step(self, steps: int) -> None:
-        """Advance all balls, one step a call, as Rapier has no other."""
+        """Advance all balls, one step per call: rapier3d has no call for several."""
         step = self.world.step
         for _ in range(steps):
             step()

@@ -27,15 +27,15 @@ TOP_FOV = 16.0
 """Vertical field of view of the top camera, degrees; narrow and far away, so that borders hide little behind them."""
 
 FIT_MARGIN = 1.06
-"""Width of a fitted view as a multiple of what it shows."""
+"""Width of a fitted view as a multiple of the width of its content."""
 
 ORBIT_RATE = 12.0
-"""Angular speed of the orbiting camera, degrees per second of the time shown."""
+"""Angular speed of the orbiting camera, degrees per second of simulated time."""
 
 MIN_HEADING_DISTANCE = 0.2
 """Distance to the end of the route below which the following camera looks along its last segment, m.
 
-The ball may roll past the cup."""
+Without it the camera would turn around when the ball rolls past the cup."""
 
 NEAR_PLANE, FAR_PLANE = 0.02, 60.0
 """Distances of the clipping planes from the camera, m; both are larger for a camera that is far away."""
@@ -70,7 +70,7 @@ class Camera:
         view[:3, :3] = right, up, -forward
         view[:3, 3] = -view[:3, :3] @ self.eye
         scale = 1.0 / math.tan(math.radians(self.fov) / 2.0)
-        # Long or narrow images are taken from far away.
+        # A camera that fits a course into a long or narrow image is far away: both clipping planes move with it.
         depth_scale = max(1.0, 3.0 * math.dist(self.eye, self.target) / FAR_PLANE)
         near, far = depth_scale * NEAR_PLANE, depth_scale * FAR_PLANE
         projection = np.zeros((4, 4))
@@ -96,7 +96,7 @@ class Camera:
 
 
 def make_camera(name: str, course: Course, ball: ArrayLike, aspect: float, time: float = 0.0) -> Camera:
-    """Return the camera of a name in CAMERA_NAMES for a ball (3,) at a time (s); ``aspect`` is width / height."""
+    """Return the camera with a name in CAMERA_NAMES for a ball (3,) at a time (s); ``aspect`` is width / height."""
     if name == "top":
         return top_camera(course, aspect)
     if name == "tee":

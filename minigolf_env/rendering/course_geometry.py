@@ -19,10 +19,10 @@ IndexedMesh = tuple[NDArray[np.void], NDArray[np.uint32]]
 """Vertices (V,) of VERTEX_DTYPE, and indices (3 F,)."""
 
 MIN_SMOOTH_COSINE = np.cos(np.radians(35.0))
-"""Faces whose normals differ by less than this angle (35 degrees) are shaded as one smooth surface."""
+"""Cosine of 35 degrees, the angle between normals below which faces are shaded as one smooth surface."""
 
 MAX_SMOOTH_FACES = 100
-"""Number of faces at a vertex beyond which it is not smooth: it is the tip of a cone or the centre of a disc."""
+"""Largest number of faces at a smooth vertex; one with more is the tip of a cone or the centre of a disc."""
 
 MAX_CHUNK_TRIANGLES = 2048
 """Number of triangles that are drawn or culled together; more chunks cull better and take more draw calls."""
@@ -47,7 +47,7 @@ class Chunk(NamedTuple):
     start: int
     """Position of the first index."""
     size: int
-    """Number of indices, three a triangle."""
+    """Number of indices, three per triangle."""
     lower: FloatArray
     """Lower corner (3,) of the bounding box, m."""
     upper: FloatArray
@@ -61,7 +61,7 @@ class CourseGeometry:
     vertices: NDArray[np.void]
     """Vertices (V,) of VERTEX_DTYPE."""
     indices: NDArray[np.uint32]
-    """Indices (3 F,), three a triangle, counter-clockwise from the side where the ball is."""
+    """Indices (3 F,), three per triangle, counter-clockwise from the side where the ball is."""
     chunks: tuple[Chunk, ...]
     """Runs of indices, ordered by material."""
     lower: FloatArray
@@ -144,12 +144,12 @@ def _concatenated_ranges(starts: NDArray[np.int64], counts: NDArray[np.int64]) -
 
 
 def _grain_directions(triangles: FloatArray) -> FloatArray:
-    """Return the direction (F, 3) of each triangle's second longest edge: the long side of the board it is half of."""
+    """Return the direction (F, 3) of each triangle's second longest edge: the long side of its rectangle."""
     edges = np.roll(triangles, -1, axis=1) - triangles
     second_longest = np.argsort(np.linalg.norm(edges, axis=2), axis=1)[:, 1]
     edge = edges[np.arange(len(edges)), second_longest]
     edge = edge / np.linalg.norm(edge, axis=1, keepdims=True)
-    # Parallel boards need one sign.
+    # Edges point either way round a triangle: give all edges of a direction the same sign.
     sign = np.where(edge @ np.array([1.0, 0.9, 0.8]) < 0.0, -1.0, 1.0)
     return np.asarray(np.round(edge * sign[:, None], 4))
 

@@ -20,13 +20,13 @@ from minigolf_env.rendering.scene_state import SceneState
 FloatArray = NDArray[np.float64]
 
 OCCLUSION_RANGE = 4.0
-"""Distance up to which the ball darkens its surroundings (ambient occlusion), in radii; surface.frag has it too."""
+"""Distance up to which the ball darkens its surroundings (ambient occlusion), in radii."""
 
 MAX_PENUMBRA_GROWTH = 0.1
-"""Width that shadows gain per metre of distance from their caster, at most; slightly more than in surface.frag."""
+"""Upper bound of the growth of a penumbra per metre of distance from the occluder; surface.frag has at most 0.08."""
 
 PIXEL_ROUNDING = np.array([[-1.0], [2.0]])
-"""Offsets of floored lower and upper edges to whole pixels, with a pixel to spare."""
+"""Offsets added to the floored lower and upper edges: they round outwards and add a margin of one pixel."""
 
 MIN_CLIP_W = 1e-6
 """Distance in front of the camera below which a box counts as behind it, m."""
@@ -45,9 +45,9 @@ class PixelRect(NamedTuple):
 
 
 def compute_dirty_rect(course: Course, camera: Camera, state: SceneState, size: tuple[int, int]) -> PixelRect:
-    """Return the rectangle of an image of (width, height) pixels outside of which it shows the course alone.
+    """Return the rectangle of an image of (width, height) pixels outside of which only the course is visible.
 
-    The rectangle has the ball with everything that it shades, the lines, and the flag with its shadow if it is lifted.
+    The rectangle contains the ball with everything that it shades, the lines, and a lifted flag with its shadow.
     """
     cubes = _moving_cubes(course, state)
     centers = np.array([center for center, _ in cubes])

@@ -51,7 +51,7 @@ def tile_sequences(sequences: Sequence[Sequence[Image]], aspect: float = 1.0) ->
     With the lists of a batch's ``render()`` (render_mode="rgb_array_list") this is a video of all its environments.
 
     Args:
-        sequences: one an environment, each of at least one frame; all frames have one size.
+        sequences: one per environment, each of at least one frame; all frames have one size.
         aspect: desired width / height of the grid.
 
     Raises:

@@ -1,4 +1,4 @@
-"""Meshes that belong to no course: the ball, the flag and the lawn around the course. Numpy only."""
+"""Everything that is drawn with a course but is not part of it: ball, flag, lawn, sun and sky. Numpy only."""
 
 from __future__ import annotations
 
@@ -17,11 +17,14 @@ FloatArray = NDArray[np.float64]
 SUN_DIRECTION = np.array([-0.46, -0.38, 0.80]) / np.linalg.norm([-0.46, -0.38, 0.80])
 """Unit vector (3,) to the sun."""
 
+SKY_COLOR = (0.62, 0.72, 0.80)
+"""sRGB colour of the sky and of the haze over the distant lawn."""
+
 POLE_HEIGHT = 0.62
 """Height of the flag's pole, m."""
 
 POLE_RADIUS = 0.006
-"""Radius of the flag's pole, m; surface.frag has the same number."""
+"""Radius of the flag's pole, m."""
 
 CLOTH_LENGTH = 0.26
 """Length of the flag's cloth, a pennant, m."""
@@ -92,7 +95,7 @@ def lawn(covered: NDArray[np.bool_], lower: FloatArray, upper: FloatArray, margi
     base = shapely.box(*lower[:2], *upper[:2])
     uncovered = base - shapely.union_all(shapely.box(*corners.T, *(corners + cell_size).T))
     ring = shapely.box(*(lower[:2] - margin), *(upper[:2] + margin)) - base
-    # Triangulated separately: slivers from far away to every corner of the course would cost more than their pixels.
+    # Triangulated separately: one polygon would give long thin triangles, which cost more than their pixels.
     pieces = [trimesh.creation.triangulate_polygon(area, engine="earcut") for area in [*_polygons(uncovered), ring]]
     vertices = np.zeros(sum(len(points) for points, _ in pieces), VERTEX_DTYPE)
     vertices["position"][:, :2] = np.concatenate([points for points, _ in pieces])

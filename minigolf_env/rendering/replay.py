@@ -19,7 +19,7 @@ PAUSE_AFTER_PUTT = 0.6
 """Time for which the end of a putt is shown, s; meanwhile the following camera turns to the next putt."""
 
 TRAIL_DURATION = 1.2
-"""Age of the oldest part of the trail behind the ball, s."""
+"""Time that the trail behind the ball covers, s."""
 
 TRAIL_WIDTH = 0.5
 """Width of the trail, in diameters of the ball."""

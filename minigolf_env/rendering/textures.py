@@ -1,4 +1,4 @@
-"""Textures of the materials, generated here so that none needs to be shipped. Numpy only."""
+"""Textures of the materials, generated so that the package contains no image files. Numpy only."""
 
 from __future__ import annotations
 

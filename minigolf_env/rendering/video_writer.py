@@ -1,4 +1,8 @@
-"""Video files, written frame by frame through ffmpeg."""
+"""Video files, written frame by frame through ffmpeg.
+
+ffmpeg runs here rather than in imageio's writer for three guarantees: the file is written atomically, a forked process
+neither ends nor blocks the video, and an error has ffmpeg's message.
+"""
 
 from __future__ import annotations
 
@@ -19,9 +23,10 @@ from minigolf_env._validation import integer, one_of
 from minigolf_env.rendering.image import Image, check_size
 
 VIDEO_SUFFIXES = (".mp4", ".gif")
+"""Suffixes of the supported kinds of files."""
 
 MAX_GIF_FPS = 50
-"""Highest frame rate of a GIF: its times are in 1/100 s, and players show a time of 1/100 s as 1/10 s."""
+"""Highest frame rate of a GIF: its times are in 1/100 s, and players replace a frame time of 1/100 s by 1/10 s."""
 
 MAX_MP4_FPS = 1000
 """Highest frame rate of an .mp4; no display is faster."""
@@ -59,7 +64,7 @@ class VideoWriter:
 
     ``close()`` writes the file atomically; until then an earlier file of the same name stays. Leaving a ``with`` block
     by an exception, Ctrl-C included, leaves no file. The writer keeps no frames in memory; ffmpeg keeps those of a GIF,
-    4 bytes a pixel, until the last has arrived, since their palette is computed from all. In a forked process the
+    4 bytes per pixel, until the last has arrived, since their palette is computed from all. In a forked process the
     writer is closed, and that of the parent continues.
 
     Args:
@@ -201,7 +206,7 @@ def _ffmpeg_command(size: tuple[int, int], fps: int, suffix: str) -> list[str]:
 def _start_ffmpeg(command: list[str], log: IO[bytes]) -> subprocess.Popen[bytes]:
     """Start ffmpeg with a pipe for the frames, or raise an OSError."""
     try:
-        # A process group of its own: Ctrl-C reaches Python alone, which then stops ffmpeg.
+        # A separate process group: Ctrl-C reaches Python alone, which then stops ffmpeg.
         return subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=log, process_group=0)
     except OSError as error:
         raise OSError(f"ffmpeg: {command[0]} does not start: {error}; {FFMPEG_HINT}") from error

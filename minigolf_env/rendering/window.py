@@ -50,7 +50,7 @@ class Window:
         self._aspect = settings.aspect
         self._process_id = os.getpid()
         self._keeps_width = False
-        """The camera is widened when the window becomes narrower than the settings say."""
+        """The camera is widened when the window becomes narrower than in the settings."""
         self._shown: tuple[Camera, SceneState] | None = None
         self._framebuffer: Framebuffer | None = None
         with egl_released():

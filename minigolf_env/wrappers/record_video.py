@@ -1,4 +1,4 @@
-"""RecordVideo: videos of episodes that show every putt from beginning to end."""
+"""RecordVideo, a wrapper that records videos of episodes with all frames of each putt."""
 
 from __future__ import annotations
 
@@ -19,13 +19,16 @@ from minigolf_env.rendering import Image
 from minigolf_env.rendering.video_writer import VideoWriter, check_fps
 
 Trigger = Callable[[int], bool]
+"""Function of the number of an episode or a step, from 0."""
+
 RECORDABLE_MODES = ("rgb_array", "rgb_array_list")
+"""Render modes whose episodes can be recorded."""
 
 
 def capped_cubic_schedule(episode: int) -> bool:
     """Return whether an episode is 0, 1, 8, 27, ... 1000, 2000, ...
 
-    Gymnasium's default schedule; its module requires moviepy.
+    This is Gymnasium's default schedule; Gymnasium's own function cannot be imported without moviepy.
     """
     return round(episode ** (1 / 3)) ** 3 == episode if episode < 1000 else episode % 1000 == 0
 
@@ -101,7 +104,7 @@ class RecordVideo(gym.Wrapper[Observation, Action, Observation, Action], gym.uti
         self._folder.mkdir(parents=True, exist_ok=True)
         if any(self._folder.glob(f"{escape(name_prefix)}-*.mp4")):
             gym.logger.warn(f"{self._folder} has videos named {name_prefix}-*.mp4, which new ones replace.")
-        # A renderer of its own receives the same putts as the environment's.
+        # A separate renderer receives the same putts as that of the environment.
         self._renderer = base_env.renderer.subscribe()
 
     @property
@@ -180,7 +183,7 @@ class RecordVideo(gym.Wrapper[Observation, Action, Observation, Action], gym.uti
             self.stop_recording()
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return the state of a copy, which does not record."""
+        """Return the state without the video: a copy does not record."""
         return {**self.__dict__, "_writer": None, "_video_name": None}
 
     def __del__(self) -> None:

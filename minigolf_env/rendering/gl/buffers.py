@@ -78,7 +78,7 @@ class LineStrips:
         GL.glBindVertexArray(self._vertex_array)
         GL.glBindBuffer(GL.GL_ARRAY_BUFFER, self._buffer)
         GL.glBufferData(GL.GL_ARRAY_BUFFER, vertices.nbytes, vertices, GL.GL_STREAM_DRAW)
-        # One draw call a strip.
+        # One draw call per strip.
         GL.glDisable(GL.GL_CULL_FACE)
         with alpha_blending():
             first = 0
@@ -219,7 +219,7 @@ def create_cube_map(faces: NDArray[np.uint8]) -> int:
 
 
 def _declare_attributes(vertex_dtype: np.dtype[np.void]) -> None:
-    """Declare the attributes of the bound vertex array: one a field of the dtype, in order."""
+    """Declare the attributes of the bound vertex array: one per field of the dtype, in order."""
     from OpenGL.raw.GL.VERSION.GL_2_0 import glVertexAttribPointer  # PyOpenGL's own fails in a window's context.
 
     for k, name in enumerate(vertex_dtype.names or ()):

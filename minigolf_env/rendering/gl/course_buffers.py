@@ -21,16 +21,16 @@ IndexRuns = list[tuple[int, int]]
 """Runs (first, count) of indices to draw."""
 
 LAWN_CELLS = 40
-"""Cells a side under the course; the lawn is cut out of cells that the course hides."""
+"""Number of cells per side under the course; cells that the course hides are cut out of the lawn."""
 
 LAWN_MARGIN = 40.0
 """Distance by which the lawn extends beyond the course, m."""
 
 SUN_MAP_SIZE = 1024
-"""Pixels a side of the sun's shadow map."""
+"""Pixels per side of the sun's shadow map."""
 
 SKY_MAP_SIZE = 512
-"""Pixels a side of the sky's shadow map, whose light is straight above."""
+"""Pixels per side of the sky's shadow map, whose light is straight above."""
 
 SUN_BLUR = 0.012
 """Blur radius of the sun's map, m: the softness of its shadows."""

@@ -73,7 +73,7 @@ class OffscreenRenderer:
     def draw(self, key: BackgroundKey, state: SceneState) -> Image:
         """Return an image; the context is current."""
         course, camera, size, profile = key
-        # A new camera may be moving: its background would be drawn in vain.
+        # A new camera may be moving: the background would be wasted.
         if key not in self._backgrounds and key != self._last_key:
             self._last_key = key
             return self.renderer().draw(course, camera, state, size, profile).read()
@@ -112,6 +112,7 @@ def get_offscreen_renderer() -> OffscreenRenderer:
 
 @functools.cache
 def _process_renderer() -> OffscreenRenderer:
+    """Return the cached renderer of this process; the caller holds the lock."""
     return OffscreenRenderer()
 
 

@@ -8,7 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from OpenGL import GL
 
+from minigolf_env.rendering.dirty_rect import OCCLUSION_RANGE
 from minigolf_env.rendering.errors import RenderingError
+from minigolf_env.rendering.props import POLE_RADIUS, SKY_COLOR
 
 MATERIAL_NAMES = (
     "felt",
@@ -25,10 +27,17 @@ MATERIAL_NAMES = (
     "ball",
     "ghost",
 )
-"""Materials of surface.frag; each is compiled into a program of its own."""
+"""Materials of surface.frag; each is compiled into a separate program."""
 
 FRAME_UNIFORMS_BINDING = 5
-"""Binding point of the uniform block FrameUniforms of common.glsl; pyglet's count from 0."""
+"""Binding point of the uniform block FrameUniforms of common.glsl; pyglet uses the points from 0 on."""
+
+SHADER_CONSTANTS = {
+    "POLE_RADIUS": str(POLE_RADIUS),
+    "OCCLUSION_RANGE": str(OCCLUSION_RANGE),
+    "SKY_COLOR": f"vec3{SKY_COLOR}",
+}
+"""Constants that shaders and Python share, as GLSL expressions."""
 
 TEXTURE_UNITS = ("sun_map", "sky_map", "detail", "dimples")
 """Samplers of surface.frag; each is bound to the texture unit of its position."""
@@ -75,9 +84,10 @@ class Program:
 
 def _build_program(name: str, fast: bool) -> int:
     """Return the OpenGL id of a compiled and linked program; arguments and errors as for ``Program``."""
-    # One #define for each material, for the profile, and for the material of this program.
+    # One #define for each shared constant and each material, for the profile, and for the material of this program.
     stem = "surface" if name in MATERIAL_NAMES else name
-    defines = "".join(f"#define {material.upper()} {k}\n" for k, material in enumerate(MATERIAL_NAMES))
+    defines = "".join(f"#define {constant} {value}\n" for constant, value in SHADER_CONSTANTS.items())
+    defines += "".join(f"#define {material.upper()} {k}\n" for k, material in enumerate(MATERIAL_NAMES))
     defines += "#define FAST\n" if fast else ""
     defines += f"#define MATERIAL {name.upper()}\n" if name in MATERIAL_NAMES else ""
     # Compile both shaders.

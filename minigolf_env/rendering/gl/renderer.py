@@ -1,6 +1,6 @@
-"""The renderer: draws courses and scene states with OpenGL 3.3. It works in whatever context is current.
+"""The renderer: draws courses and scene states with OpenGL 3.3. It works in any current context.
 
-Images are drawn upside down for OpenGL, so that the first row that is read is the top one.
+Images are drawn upside down: OpenGL reads the lowest row first, which is then the top row of the image.
 """
 
 from __future__ import annotations
@@ -50,12 +50,9 @@ NO_BALL_POSITION = np.array([0.0, 0.0, -1e3])
 FLIP_Y = np.diag([1.0, -1.0, 1.0, 1.0])
 """Matrix that turns an image upside down."""
 
-SKY_COLOR = 0.62, 0.72, 0.80
-"""Colour of the sky beyond the lawn; HAZE in common.glsl."""
-
 
 class Renderer:
-    """Draws into framebuffers of its own, in the context that is current when its methods are called.
+    """Draws into framebuffers that it owns, in the context that is current when its methods are called.
 
     Programs, course buffers and framebuffers are made when first used and cached, the latter two up to
     MAX_CACHED_BUFFERS.
@@ -166,7 +163,7 @@ class Renderer:
         GL.glEnable(GL.GL_SCISSOR_TEST)
         GL.glScissor(rect.left, rect.top, rect.right - rect.left, rect.bottom - rect.top)
         GL.glFrontFace(GL.GL_CW)  # The image is upside down.
-        GL.glClearColor(*SKY_COLOR, 1.0)
+        GL.glClearColor(*props.SKY_COLOR, 1.0)
         GL.glClear(GL.GL_COLOR_BUFFER_BIT | GL.GL_DEPTH_BUFFER_BIT)
 
     def _bind_textures(self, buffers: CourseBuffers) -> None:
@@ -225,7 +222,7 @@ class Renderer:
 
     def _program(self, name: str) -> Program:
         """Return a program in the present profile; it is compiled at the first call."""
-        key = name, self._is_fast and name in MATERIAL_NAMES  # The others are the same in all profiles.
+        key = name, self._is_fast and name in MATERIAL_NAMES  # Other programs are the same in all profiles.
         if key not in self._programs:
             self._programs[key] = Program(*key)
         return self._programs[key]
@@ -234,7 +231,7 @@ class Renderer:
         """Return the framebuffer of a size, or raise a RenderingError if the driver does not support it."""
         if max(size) > self._max_size:
             raise RenderingError(
-                f"render_size: expected at most {self._max_size} pixels a side, the limit of the OpenGL driver, "
+                f"render_size: expected at most {self._max_size} pixels per side, the limit of the OpenGL driver, "
                 f"received {size}."
             )
         return self._cached(self._framebuffers, (size, samples), lambda: Framebuffer(size, samples))

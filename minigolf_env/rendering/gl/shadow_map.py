@@ -24,10 +24,10 @@ BOUNDS_MARGIN = 0.1
 """Distance by which a map's volume extends beyond the course's bounding box, m."""
 
 COVER_HEIGHT = 0.02
-"""Height above the lawn up to which something counts as lying on it, m."""
+"""Height above the lawn up to which a surface counts as covering it, m."""
 
 COVER_SAMPLES = 8
-"""Depth samples a side of each cell of the lawn."""
+"""Number of depth samples per side of a cell of the lawn."""
 
 
 class ShadowMap(NamedTuple):
@@ -38,7 +38,7 @@ class ShadowMap(NamedTuple):
     texture: int
     """Texture with mean and mean square of the depth."""
     max_depth: float
-    """Depth where the light meets nothing, m."""
+    """Depth of the far plane, m: the depth where there is no occluder."""
 
 
 def create_shadow_map(
@@ -52,11 +52,11 @@ def create_shadow_map(
     """Render the shadow map of a mesh.
 
     Args:
-        mesh: what casts shadows.
+        mesh: the occluders.
         program: the program "depth".
         bounds: lower and upper corner (3,) of the mesh's bounding box, m.
         to_light: unit vector (3,) to the light.
-        size: pixels a side.
+        size: pixels per side.
         blur: radius of the blur, m.
     """
     # Orthographic projection along the light that contains the bounding box.
@@ -93,7 +93,7 @@ def find_covered_cells(
         mesh: the mesh.
         program: the program "depth".
         bounds: lower and upper corner (3,) of the mesh's bounding box, m.
-        num_cells: cells a side.
+        num_cells: cells per side.
     """
     # Orthographic projection upwards from the base of the box.
     lower, upper = bounds
@@ -139,7 +139,7 @@ def _render_depth(
 
 
 def _blur(values: FloatArray, radii: list[int]) -> FloatArray:
-    """Return values (H, W) after two box filters of radii (along x, along y), which are round enough together."""
+    """Return values (H, W) after two box filters of radii (along x, along y), which approximate a Gaussian blur."""
     for _ in range(2):
         for axis, radius in ((1, radii[0]), (0, radii[1])):
             # Each mean is the difference of two cumulative sums.

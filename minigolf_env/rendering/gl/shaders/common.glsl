@@ -14,8 +14,7 @@ layout(std140) uniform FrameUniforms {
     vec4 ground;          // height of the lawn, radius of the course, greatest depths of the sun's and the sky's maps
 };
 
-const vec3 SUNLIGHT = vec3(1.30, 1.22, 1.08);
+const vec3 SUNLIGHT = vec3(1.30, 1.22, 1.08);     // direct light; all three are linear RGB
 const vec3 SKYLIGHT = vec3(0.40, 0.47, 0.58);     // ambient light from above
 const vec3 GROUNDLIGHT = vec3(0.20, 0.19, 0.15);  // ambient light from below
-const vec3 HAZE = vec3(0.62, 0.72, 0.80);         // sRGB colour of the sky; SKY_COLOR in renderer.py
 const float PI = 3.14159265;

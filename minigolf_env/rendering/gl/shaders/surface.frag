@@ -1,5 +1,6 @@
 // Materials and light of all solid surfaces. program.py compiles a program for each MATERIAL (a number; the names of the
-// materials are #defined as numbers too) and, with FAST defined, for the profile "fast".
+// materials are #defined as numbers too) and, with FAST defined, for the profile "fast". It also defines POLE_RADIUS,
+// OCCLUSION_RANGE and SKY_COLOR. Lengths are in metres. Numbers without an explanation were chosen by eye.
 in vec3 world_position;
 in vec3 world_normal;
 in vec3 model_position;
@@ -14,9 +15,9 @@ uniform vec4 tint;            // sRGB colour that replaces the hue of the materi
 
 // Return the share of a light that reaches p, by its variance shadow map (W. Donnelly and A. Lauritzen, "Variance Shadow
 // Maps", 2006): Chebyshev's bound on the share of depths around p that are greater than that of p.
-// max_depth: depth where the light meets nothing. min_variance: variance of a flat surface, against self-shadowing.
-// fade: rate at which a shadow weakens with the distance to its caster, per metre. min_share: shares below it count as 0,
-// against light bleeding.
+// max_depth: depth of the far plane (no occluder). min_variance: variance of a flat surface, against self-shadowing.
+// fade: rate at which a shadow weakens with the distance to its occluder, per metre. min_share: shares below it count
+// as 0, against light bleeding.
 float light_share(
     sampler2D map, mat4 from_world, vec3 p, float max_depth, float min_variance, float fade, float min_share
 ) {
@@ -34,6 +35,7 @@ float sun_past_ball(vec3 p) {
     float along = dot(to_ball, sun.xyz);
     if (along < 0.0) return 1.0;
     float off_axis = sqrt(max(dot(to_ball, to_ball) - along * along, 0.0));
+    // Half-width: 8 cm per metre of distance, below MAX_PENUMBRA_GROWTH; the real sun's 0.5 cm would hardly be visible.
     float penumbra = 0.08 * along + 0.04 * ball.w;
     return smoothstep(ball.w - penumbra, ball.w + penumbra, off_axis);
 }
@@ -44,10 +46,10 @@ float sun_past_flag(vec3 p) {
     vec2 across = vec2(-cloth.y, cloth.x);
     float t = dot(flag.xy - p.xy, across) / dot(sun.xy, across);
     vec3 q = p + t * sun.xyz - flag.xyz;
-    float penumbra = 0.004 + 0.02 * max(t, 0.0);
+    float penumbra = 0.004 + 0.02 * max(t, 0.0);  // narrower than the ball's, as the pole is thin
     float s = dot(q.xy, cloth.xy);  // distance from the pole along the cloth
-    float pole = 1.0 - smoothstep(-penumbra, penumbra, abs(s) - 0.006);
-    pole *= 0.006 / max(0.006, penumbra);
+    float pole = 1.0 - smoothstep(-penumbra, penumbra, abs(s) - POLE_RADIUS);
+    pole *= POLE_RADIUS / max(POLE_RADIUS, penumbra);  // a pole narrower than the penumbra hides only a part
     float drop = flag.w - q.z;      // distance below the top of the pole
     float half_width = 0.5 * cloth.w * (1.0 - s / cloth.z);
     float sheet = 1.0 - smoothstep(-penumbra, penumbra, abs(drop - 0.5 * cloth.w) - half_width);
@@ -85,17 +87,19 @@ void main() {
     float sharpness = 32.0;
     vec3 view = normalize(eye.xyz - p);
 #if MATERIAL == FELT
-    // Mown in stripes; they look lighter or darker as the fibres lean. Other faces are brown.
+    // Mown stripes of 0.22 m, lighter or darker as the fibres lean. Steep faces are brown.
     float stripe = smoothstep(-0.08, 0.08, sin(p.x * (PI / 0.22)));
     float fibre_noise = detail_at(p.xy * 1.9);
     albedo = mix(vec3(0.062, 0.235, 0.050), vec3(0.090, 0.300, 0.066), stripe);
     albedo *= 0.55 + 0.9 * fibre_noise;
     if (n.z < 0.05) albedo = vec3(0.16, 0.13, 0.10) * (0.6 + 0.8 * detail_at(vec2(p.x + p.y, p.z) * 1.9));
 #elif MATERIAL == LAWN
+    // A diagonal mowing pattern.
     float noise = detail_at(p.xy * 0.43);
     float weave = sin((p.x + p.y) * (PI / 0.9)) * sin((p.x - p.y) * (PI / 0.9));
     albedo = vec3(0.150, 0.255, 0.085) * (0.5 + noise) * (1.0 + 0.07 * smoothstep(-0.2, 0.2, weave));
 #elif MATERIAL == WOOD
+    // The texture is stretched along the grain.
     vec3 along = normalize(grain_direction);
     vec3 side = cross(n, along);
     vec2 board = vec2(dot(p, along), dot(p, side));
@@ -103,6 +107,7 @@ void main() {
     albedo = mix(vec3(0.285, 0.135, 0.052), vec3(0.560, 0.330, 0.150), ring);
     gloss = 0.25;
 #elif MATERIAL == STONE
+    // Triplanar mapping: three projections, weighted by the normal.
     vec3 weight = n * n;
     float cloud = detail_at(p.yz * 1.7) * weight.x + detail_at(p.xz * 1.7) * weight.y + detail_at(p.xy * 1.7) * weight.z;
     albedo = vec3(0.52, 0.50, 0.47) * (0.35 + 1.2 * cloud);
@@ -114,6 +119,7 @@ void main() {
     albedo = vec3(0.70, 0.66, 0.60) * (0.82 + 0.18 * smoothstep(0.0, 0.02, min(seam.x, seam.y)));
 #elif MATERIAL == CUP
     albedo = vec3(0.86);
+    // Darker towards the bottom, 1.3 radii below the rim.
     if (cup.w > 0.0) albedo *= mix(0.10, 1.0, smoothstep(-1.3 * cup.w, 0.0, p.z - cup.z));
     gloss = 0.2;
 #elif MATERIAL == BRICK
@@ -123,6 +129,7 @@ void main() {
     cell.x += 0.5 * mod(floor(cell.y), 2.0);
     vec2 brick = fract(cell);
     vec2 edge = min(brick, 1.0 - brick) * vec2(0.20, 0.065);
+    // A random tone for each brick, by the usual hash of a sine.
     float brick_tone = fract(sin(dot(floor(cell), vec2(12.9898, 78.233))) * 43758.5453);
     float mortar = smoothstep(0.003, 0.005, min(edge.x, edge.y));
     albedo = mix(vec3(0.50, 0.47, 0.42), mix(vec3(0.36, 0.105, 0.060), vec3(0.50, 0.19, 0.11), brick_tone), mortar);
@@ -131,6 +138,7 @@ void main() {
     albedo = vec3(0.75);
     gloss = 0.25;
 #elif MATERIAL == WATER
+    // Ripples tilt the normal; the sky is reflected at grazing angles.
     float ripple = detail_at(p.xy * 0.9) - detail_at(p.yx * 1.3 + 0.37);
     n = normalize(n + vec3(0.20 * ripple, 0.16 * ripple, 0.0));
     albedo = vec3(0.030, 0.170, 0.260) * (1.0 + 0.5 * ripple);
@@ -141,6 +149,7 @@ void main() {
     if (dot(n, view) < 0.0) n = -n;
     albedo = vec3(0.80, 0.045, 0.035);
 #elif MATERIAL == POLE
+    // White and red bands of 8 cm.
     albedo = mix(vec3(0.85), vec3(0.80, 0.05, 0.04), step(0.5, fract(model_position.z / 0.16)));
     gloss = 0.4;
 #elif MATERIAL == BALL
@@ -158,13 +167,14 @@ void main() {
     float direct = max(dot(n, sun.xyz), 0.0);
     float ambient_share = 1.0;
 #if MATERIAL != CLOTH && MATERIAL != POLE
+    // The offset along the normal prevents self-shadowing.
     direct *= light_share(sun_map, sun_from_world, p + n * 0.004, ground.z, 1e-5, 0.0, 0.15);
 #if MATERIAL != BALL && MATERIAL != LAWN
     direct *= sun_past_ball(p);
-    // Ambient occlusion by the ball; it ends at 4 radii, OCCLUSION_RANGE in dirty_rect.py.
+    // Ambient occlusion by the ball, which ends at a distance of OCCLUSION_RANGE radii.
     vec3 to_ball = ball.xyz - p;
     float distance_sq = dot(to_ball, to_ball);
-    float solid_angle = clamp(ball.w * ball.w / distance_sq - 1.0 / 16.0, 0.0, 1.0);
+    float solid_angle = clamp(ball.w * ball.w / distance_sq - 1.0 / (OCCLUSION_RANGE * OCCLUSION_RANGE), 0.0, 1.0);
     float occlusion = solid_angle * clamp(dot(n, to_ball) * inversesqrt(distance_sq), 0.0, 1.0);
     ambient_share = 1.0 - 0.85 * occlusion;
 #elif MATERIAL == BALL
@@ -187,9 +197,9 @@ void main() {
     }
 #endif
 #if MATERIAL == LAWN
-    lit = mix(lit, HAZE * HAZE, smoothstep(1.5, 7.0, length(p.xy - center.xy) / ground.y));
+    lit = mix(lit, SKY_COLOR * SKY_COLOR, smoothstep(1.5, 7.0, length(p.xy - center.xy) / ground.y));
 #endif
-    // Tone mapping, then gamma 2.
+    // Tone mapping, which compresses bright colours, then gamma 2.
     lit = lit * (1.0 + lit * 0.12) / (1.0 + lit * 0.55);
     color = vec4(sqrt(lit), 1.0);
 }
