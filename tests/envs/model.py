@@ -104,7 +104,7 @@ class Model:
         return float(a + x * (c - a)), float(b + y * (d - b)), tee.height + self.course_world_cup[0].ball_radius
 
     def to_action(self, putt: Any) -> Any:
-        """Return the action of a putt; a number is a straight putt at the cup with that share of the top speed."""
+        """Return the action of a putt; a number is a straight putt at the cup with that fraction of the top speed."""
         if not isinstance(putt, float):
             return putt
         if not self.position:

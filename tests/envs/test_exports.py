@@ -31,7 +31,7 @@ def test_unknown_name_is_an_attribute_error() -> None:
 
 
 def test_importing_the_package_registers_and_loads_no_more() -> None:
-    """Not the subpackages, nor numba, which take seconds."""
+    """Importing the package loads neither its subpackages nor numba, which take seconds."""
     code = (
         "import sys, gymnasium, minigolf_env; assert 'MiniGolf-v0' in gymnasium.registry; dir(minigolf_env); "
         "heavy = ('minigolf_env.', 'numba', 'OpenGL', 'pyglet', 'torch'); "

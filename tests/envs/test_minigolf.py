@@ -233,7 +233,7 @@ def test_step_before_reset_and_after_the_end_asks_for_reset() -> None:
 
 
 def test_last_stroke_terminates_the_episode() -> None:
-    """The episode is terminated, not truncated, and the strokes left are observed."""
+    """The episode is terminated, not truncated, and observations contain the strokes left."""
     env = MiniGolfEnv(max_strokes=3)
     observation, _ = env.reset(seed=0)
     left = [observation[-1]]
@@ -260,7 +260,7 @@ def test_tee_is_random_or_fixed() -> None:
 
 
 def test_ball_that_drops_into_the_cup_is_holed() -> None:
-    """A soft putt next to the cup: terminated, with success, below the rim."""
+    """A soft putt next to the cup ends the episode with success, and the ball is below the rim."""
     env = MiniGolfEnv()
     x, y, rim = env.task.cup.position
     env.reset(options={"position": (x - 0.15, y, rim + env.task.world.ball_radius)})

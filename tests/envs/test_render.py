@@ -21,7 +21,7 @@ from minigolf_env.rendering import RENDER_FPS, RenderingError
 pytestmark = pytest.mark.usefixtures("gl")
 
 SMALL: dict[str, Any] = {"render_size": (64, 48), "render_profile": "fast"}
-PUTT = np.array([0.3, 0.1], np.float32)
+GENTLE_PUTT = np.array([0.3, 0.1], np.float32)
 
 
 def num_frames(shot_time: float) -> int:
@@ -37,7 +37,7 @@ def test_rgb_array_shows_the_present_state(camera: str) -> None:
     first, again = env.render(), env.render()
     assert first.shape == (48, 64, 3) and first.dtype == np.uint8
     assert first is not again and (first == again).all()
-    env.step(PUTT)
+    env.step(GENTLE_PUTT)
     assert (env.render() != first).any()
 
 
@@ -46,11 +46,11 @@ def test_rgb_array_list_holds_all_frames_since_the_last_call() -> None:
     env = MiniGolfEnv(render_mode="rgb_array_list", **SMALL)
     env.reset(seed=0)
     assert len(env.render()) == 1 and env.render() == []
-    times = [env.step(PUTT)[4]["shot_time"] for _ in range(2)]
+    times = [env.step(GENTLE_PUTT)[4]["shot_time"] for _ in range(2)]
     frames = env.render()
     assert len(frames) == sum(map(num_frames, times))
     assert all(frame.shape == (48, 64, 3) for frame in frames)
-    env.step(PUTT)
+    env.step(GENTLE_PUTT)
     env.reset(seed=1)
     assert len(env.render()) == 1
 
@@ -61,7 +61,7 @@ def test_frames_do_not_depend_on_how_often_render_is_called() -> None:
     one.reset(seed=3), many.reset(seed=3)
     pieces = many.render()
     for _ in range(3):
-        one.step(PUTT), many.step(PUTT)
+        one.step(GENTLE_PUTT), many.step(GENTLE_PUTT)
         pieces += many.render()
     np.testing.assert_array_equal(one.render(), pieces)
 
@@ -74,7 +74,7 @@ def test_rendering_changes_no_result() -> None:
     )
     np.testing.assert_array_equal(plain.reset(seed=2)[0], shown.reset(seed=2)[0])
     for _ in range(3):
-        a, b = plain.step(PUTT), shown.step(PUTT)
+        a, b = plain.step(GENTLE_PUTT), shown.step(GENTLE_PUTT)
         np.testing.assert_array_equal(a[0], b[0])
         assert a[1:] == b[1:]
         shown.render()
@@ -84,13 +84,13 @@ def test_without_render_mode_render_returns_none_and_keeps_nothing() -> None:
     """Without a render mode no path is computed."""
     env = MiniGolfEnv()
     env.reset(seed=0)
-    env.step(PUTT)
+    env.step(GENTLE_PUTT)
     assert env.render() is None
     assert env.renderer._pending == []
 
 
 def test_render_before_reset_asks_for_reset() -> None:
-    """There is no ball yet."""
+    """Before the first reset there is no ball to render."""
     for env in (MiniGolfEnv(render_mode="rgb_array"), MiniGolfVectorEnv(2, render_mode="rgb_array")):
         with pytest.raises(ResetNeeded):
             env.render()
@@ -109,7 +109,7 @@ def test_copies_render_the_same_frames() -> None:
     """Copies include the frames that were not rendered yet."""
     env = MiniGolfEnv(render_mode="rgb_array_list", **SMALL)
     env.reset(seed=0)
-    env.step(PUTT)
+    env.step(GENTLE_PUTT)
     copies = [copy.deepcopy(env), pickle.loads(pickle.dumps(env))]  # noqa: S301 (our own)
     frames = env.render()
     for other in copies:
@@ -165,7 +165,7 @@ def test_batch_renders_what_single_environments_do(mode: str) -> None:
 
 
 def test_batch_without_render_mode_renders_nothing() -> None:
-    """render() returns None."""
+    """Without a render mode, render() of a batch returns None."""
     batch = MiniGolfVectorEnv(2)
     batch.reset(seed=0)
     assert batch.render() is None
@@ -177,7 +177,7 @@ def test_last_putt_is_rendered_after_autoreset() -> None:
     batch.reset(seed=0)
     batch.render()
     for _ in range(3):
-        info = batch.step(PUTT[None])[4]
+        info = batch.step(GENTLE_PUTT[None])[4]
         (frames,) = batch.render() or ((),)
         assert len(frames) == num_frames(info["final_info"]["shot_time"][0]) + 1
 
@@ -190,8 +190,8 @@ def test_putt_is_rendered_on_its_hole_if_earlier_ones_were_not() -> None:
     once.reset(seed=0)
     for _ in range(3):
         often.render()
-        often.step(PUTT[None])
-        once.step(PUTT[None])
+        often.step(GENTLE_PUTT[None])
+        once.step(GENTLE_PUTT[None])
     np.testing.assert_array_equal(often.render(), once.render())
 
 
@@ -200,7 +200,7 @@ def test_pixels_show_ball_cup_and_strokes_left() -> None:
     env = MiniGolfEnv(observation="pixels", max_strokes=4)
     first, _ = env.reset(seed=0)
     assert env.observation_space.contains(first) and first.shape == (IMAGE_SIZE, IMAGE_SIZE, 3)
-    second = env.step(PUTT)[0]
+    second = env.step(GENTLE_PUTT)[0]
     assert (first[-1] == 255).all() and (second[-1, :, 0] == 255).sum() == 0.75 * IMAGE_SIZE
     moved = np.argwhere((first[:-2] != second[:-2]).any(axis=2))
     assert 8 < len(moved) < 0.1 * IMAGE_SIZE * IMAGE_SIZE

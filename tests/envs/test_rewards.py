@@ -17,11 +17,11 @@ from minigolf_env.envs import MiniGolfEnv, MiniGolfVectorEnv, Outcome
 from minigolf_env.envs.rewards import REWARDS
 from minigolf_env.envs.task import TaskBatch
 
-NOISE = (0.5, 0.015)
+PUTT_NOISE = (0.5, 0.015)
 
 
 def holed_fast(before: NDArray[Any], outcome: Outcome, ended: NDArray[np.bool_], task: TaskBatch) -> NDArray[Any]:
-    """Return a reward that uses all that a reward function sees."""
+    """Return a reward that uses all arguments of a reward function."""
     progress = task.distance_to_cup(before) - task.distance_to_cup(outcome.position)
     return np.where(outcome.holed, 10.0, progress) - 0.1 * outcome.bounces - 0.01 * outcome.time - 0.5 * ended
 
@@ -47,7 +47,7 @@ def raises(before: NDArray[Any], outcome: Outcome, ended: NDArray[np.bool_], tas
 
 
 def test_function_gets_arrays_of_the_stroke() -> None:
-    """Before, outcome, ended and task; N is 1 in a single environment."""
+    """A reward function gets before, outcome, ended and task; N is 1 in a single environment."""
     seen: list[tuple[Any, ...]] = []
 
     def record(*arguments: Any) -> NDArray[np.float64]:
@@ -71,7 +71,7 @@ def test_function_gets_arrays_of_the_stroke() -> None:
 @pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
 def test_batch_gives_rewards_of_single_environments_bitwise(mode: str, course: str) -> None:
     """Rewards have the same bits, also where some environments are reset and play no stroke."""
-    options: dict[str, Any] = {"course": course, "reward": holed_fast, "max_strokes": 2, "putt_noise": NOISE}
+    options: dict[str, Any] = {"course": course, "reward": holed_fast, "max_strokes": 2, "putt_noise": PUTT_NOISE}
     made = gym.make_vec("minigolf_env:MiniGolf-v0", num_envs=3, autoreset_mode=mode, **options)
     singles = [gym.make("minigolf_env:MiniGolf-v0", **options) for _ in range(3)]
     made.reset(seed=4)
@@ -116,7 +116,7 @@ def test_registered_function_gives_the_same_rewards_as_its_name(name: str) -> No
         (raises, "a fault of the user's"),
     ],
 )
-@pytest.mark.parametrize("noise", [(0.0, 0.0), NOISE])
+@pytest.mark.parametrize("noise", [(0.0, 0.0), PUTT_NOISE])
 def test_error_of_reward_function_leaves_environment_unchanged(
     function: Callable[..., Any], message: str, noise: tuple[float, float]
 ) -> None:
@@ -133,7 +133,7 @@ def test_error_of_reward_function_leaves_environment_unchanged(
 
 
 def test_function_cannot_change_the_state() -> None:
-    """Its arrays are read-only."""
+    """A reward function gets read-only arrays."""
 
     def move(before: NDArray[Any], outcome: Outcome, ended: NDArray[np.bool_], task: TaskBatch) -> NDArray[Any]:
         for array in (before, *outcome, ended):

@@ -16,7 +16,7 @@ from minigolf_env.courses.io.toml_course import read_description
 from minigolf_env.courses.library import DATA_DIR
 from minigolf_env.envs import MiniGolfEnv, MiniGolfVectorEnv, round_reset_options
 
-N = 4
+NUM_ENVS = 4
 
 
 def make(**options: Any) -> MiniGolfEnv:
@@ -78,25 +78,25 @@ def test_state_includes_the_hole() -> None:
 def test_batch_on_the_round_equals_single_environments_bitwise(mode: str, observation: str) -> None:
     """Environment i is a single environment seeded with seed + i, though they reach holes at different times."""
     options: dict[str, Any] = {"max_strokes": 3, "observation": observation}
-    batch = gym.make_vec("MiniGolf-v0", num_envs=N, course=ROUND_COURSE, autoreset_mode=mode, **options)
-    singles = [make(**options) for _ in range(N)]
+    batch = gym.make_vec("MiniGolf-v0", num_envs=NUM_ENVS, course=ROUND_COURSE, autoreset_mode=mode, **options)
+    singles = [make(**options) for _ in range(NUM_ENVS)]
     observed, info = batch.reset(seed=7)
     for i, env in enumerate(singles):
         one, one_info = env.reset(seed=7 + i)
         assert observed[i].tobytes() == one.tobytes() and {key: info[key][i] for key in one_info} == one_info
-    mask = np.arange(N) < 2
+    mask = np.arange(NUM_ENVS) < 2
     if mode == "Disabled":
         observed, info = batch.reset(options={"reset_mask": mask, "hole": [6, 2, 1, 1]})
         for env, hole in zip(singles, [6, 2], strict=False):
             env.reset(options={"hole": hole})
-    over = np.zeros(N, np.bool_)
+    over = np.zeros(NUM_ENVS, np.bool_)
     for step in range(9):
         if mode == "Disabled" and over.any():
             observed, _ = batch.reset(options={"reset_mask": over})
             for i in np.flatnonzero(over):
                 assert observed[i].tobytes() == singles[i].reset()[0].tobytes()
-            over = np.zeros(N, np.bool_)
-        putts = np.random.default_rng(step).uniform(-1, 1, (N, 2)).astype(np.float32)
+            over = np.zeros(NUM_ENVS, np.bool_)
+        putts = np.random.default_rng(step).uniform(-1, 1, (NUM_ENVS, 2)).astype(np.float32)
         observed, rewards, terminated, _, info = batch.step(putts)
         for i, env in enumerate(singles):
             if mode == "NextStep" and over[i]:

@@ -31,27 +31,27 @@ from hypothesis.stateful import (
 from minigolf_env.envs import MiniGolfEnv, MiniGolfVectorEnv
 from tests.envs.model import Model, Rules
 
-SEQUENCES = int(os.environ.get("SEQUENCES", "1000"))
+NUM_SEQUENCES = int(os.environ.get("SEQUENCES", "1000"))
 """Number of sequences: half for a single environment, half for a batch."""
 
-STEPS = 16
+MAX_STEPS = 16
 """Number of calls in a sequence."""
 
-N = 3
+NUM_ENVS = 3
 """Number of environments in a batch."""
 
-NOISE = (0.5, 0.015)
-RULES = [
+PUTT_NOISE = (0.5, 0.015)
+RULE_SETS = [
     Rules(),
-    Rules(max_strokes=2, putt_noise=NOISE, observation="rays", reward="strokes"),
+    Rules(max_strokes=2, putt_noise=PUTT_NOISE, observation="rays", reward="strokes"),
     Rules("straight", max_strokes=3, tee="fixed", reward="strokes"),
     Rules("islands", max_strokes=4),
-    Rules("round", max_strokes=1, putt_noise=NOISE),
+    Rules("round", max_strokes=1, putt_noise=PUTT_NOISE),
     Rules("procedural", max_strokes=2, reward="strokes"),
-    Rules("procedural", start_level=7, num_levels=2, max_strokes=3, observation="rays", putt_noise=NOISE),
+    Rules("procedural", start_level=7, num_levels=2, max_strokes=3, observation="rays", putt_noise=PUTT_NOISE),
 ]
-IDS = [f"{rules.course} {rules.max_strokes}" for rules in RULES]
-MODES = ["NextStep", "SameStep", "Disabled"]
+RULE_SET_IDS = [f"{rules.course} {rules.max_strokes}" for rules in RULE_SETS]
+AUTORESET_MODES = ["NextStep", "SameStep", "Disabled"]
 PUTTS: list[Any] = [
     [0, 0],
     (0.3, -0.2),
@@ -104,10 +104,10 @@ INVALID_OPTIONS: list[Any] = [
     {"position": (0.1, 0.2, 10**400)},
     {"position": (0.0, 0.0, -9.0)},
     {"reset_mask": [True]},
-    {"reset_mask": np.ones(N)},
-    {"reset_mask": np.zeros(N, np.bool_)},
+    {"reset_mask": np.ones(NUM_ENVS)},
+    {"reset_mask": np.zeros(NUM_ENVS, np.bool_)},
 ]
-INVALID_SEEDS: list[Any] = [-1, 1.5, "seed", [1.5] * N, [0] * (N + 1), {"a": 1}]
+INVALID_SEEDS: list[Any] = [-1, 1.5, "seed", [1.5] * NUM_ENVS, [0] * (NUM_ENVS + 1), {"a": 1}]
 """Invalid for both; Gymnasium rejects numpy's integers in single environments, and so do these."""
 
 INVALID_STATES: list[Any] = [
@@ -187,7 +187,7 @@ class EnvMachine(RuleBasedStateMachine):
 
     @invariant()
     def states_equal_the_models(self) -> None:
-        """Bit for bit, with the random number generators."""
+        """The states of the environment equal the model's bit for bit, with the random number generators."""
         if self.is_reset:
             assert self.states() == [model.state for model in self.models]
         else:
@@ -334,8 +334,8 @@ class BatchMachine(EnvMachine):
     """Calls of a batch."""
 
     def __init__(self, rules: Rules, mode: str, pictures: dict[str, Any]) -> None:
-        batch = MiniGolfVectorEnv(N, autoreset_mode=mode, **rules.options, **pictures)
-        super().__init__(batch, rules, N, bool(pictures))
+        batch = MiniGolfVectorEnv(NUM_ENVS, autoreset_mode=mode, **rules.options, **pictures)
+        super().__init__(batch, rules, NUM_ENVS, bool(pictures))
         self.mode = mode
 
     def states(self) -> list[dict[str, Any]]:
@@ -345,11 +345,11 @@ class BatchMachine(EnvMachine):
 
     def place_invalid(self, bad: Any, good: Any, which: int) -> list[Any]:
         """Return a list with the value in one place, and the value instead of a list."""
-        return [[bad if which % N == i else good for i in range(N)], bad]
+        return [[bad if which % NUM_ENVS == i else good for i in range(NUM_ENVS)], bad]
 
     def is_rendered(self, pictures: Any) -> bool:
         """Return true for a list of images."""
-        return [picture.shape for picture in pictures] == [(24, 32, 3)] * N
+        return [picture.shape for picture in pictures] == [(24, 32, 3)] * NUM_ENVS
 
     def check_result(self, i: int, model: Model, observations: Any, infos: dict[str, Any]) -> None:
         """Check the observation and info of environment i."""
@@ -363,17 +363,17 @@ class BatchMachine(EnvMachine):
         if resets:
             self.reset(0, None, 0)
 
-    @rule(seed=seeds | st.lists(seeds | st.none(), min_size=N, max_size=N), hole=holes, mask=index)
+    @rule(seed=seeds | st.lists(seeds | st.none(), min_size=NUM_ENVS, max_size=NUM_ENVS), hole=holes, mask=index)
     def reset(self, seed: Any, hole: int | None, mask: int) -> None:
         """Reset all or some environments, with one seed, several or none, on selected holes."""
         seed = seed if self.is_reset or isinstance(seed, int) else [one or 0 for one in seed]
-        chosen = np.array([mask >> i & 1 for i in range(N)], np.bool_)
+        chosen = np.array([mask >> i & 1 for i in range(NUM_ENVS)], np.bool_)
         options: dict[str, Any] = {"reset_mask": chosen} if chosen.any() else {}
         if hole is not None and self.env_rules.index_name is not None:
-            options[self.env_rules.index_name] = [hole] * N if mask & 8 else hole
-        if not self.is_reset and 0 < chosen.sum() < N:
+            options[self.env_rules.index_name] = [hole] * NUM_ENVS if mask & 8 else hole
+        if not self.is_reset and 0 < chosen.sum() < NUM_ENVS:
             return self.assert_rejected(self.env.reset, seed=seed, options=options)
-        for i in np.flatnonzero(chosen) if chosen.any() else range(N):
+        for i in np.flatnonzero(chosen) if chosen.any() else range(NUM_ENVS):
             own = seed + int(i) if isinstance(seed, int) else seed[i]
             self.models[i].reset(own, hole if self.env_rules.index_name else None)
         observations, infos = self.env.reset(seed=seed, options=options)
@@ -381,9 +381,9 @@ class BatchMachine(EnvMachine):
         for i, model in enumerate(self.models):
             self.check_result(i, replace(model, last=("tee", 0.0, 0)), observations, infos)
 
-    @rule(sequence=st.lists(st.lists(putts, min_size=N, max_size=N), min_size=1, max_size=4))
+    @rule(sequence=st.lists(st.lists(putts, min_size=NUM_ENVS, max_size=NUM_ENVS), min_size=1, max_size=4))
     def step(self, sequence: list[list[Any]]) -> None:
-        """Play putts in every environment, as the autoreset mode has it."""
+        """Play putts in every environment, according to the autoreset mode."""
         for each in sequence:
             self.play([model.to_action(putt) for model, putt in zip(self.models, each, strict=True)])
 
@@ -407,7 +407,7 @@ class BatchMachine(EnvMachine):
             self.check_result(i, model, observations, infos)
         assert ("final_obs" in infos) == (self.mode == "SameStep" and any(over))
 
-    @rule(which=st.lists(index, min_size=N, max_size=N))
+    @rule(which=st.lists(index, min_size=NUM_ENVS, max_size=NUM_ENVS))
     def set_state(self, which: list[int]) -> None:
         """Resume saved states, of any environments."""
         states = [self.saved_states[k % len(self.saved_states)] for k in which]
@@ -424,26 +424,28 @@ def run(machine: Callable[[], EnvMachine], sequences: int) -> None:
     slow = [HealthCheck.too_slow, HealthCheck.data_too_large]
     run_state_machine_as_test(
         machine,
-        settings=settings(max_examples=sequences, stateful_step_count=STEPS, deadline=None, suppress_health_check=slow),
+        settings=settings(
+            max_examples=sequences, stateful_step_count=MAX_STEPS, deadline=None, suppress_health_check=slow
+        ),
     )
 
 
-@pytest.mark.parametrize("rules", RULES, ids=IDS)
+@pytest.mark.parametrize("rules", RULE_SETS, ids=RULE_SET_IDS)
 def test_calls_of_an_environment_agree_with_the_model(rules: Rules) -> None:
     """Any sequence, for each set of rules."""
-    run(partial(SingleMachine, rules, {}), -(-SEQUENCES // (2 * len(RULES))))
+    run(partial(SingleMachine, rules, {}), -(-NUM_SEQUENCES // (2 * len(RULE_SETS))))
 
 
-@pytest.mark.parametrize("mode", MODES)
-@pytest.mark.parametrize("rules", RULES, ids=IDS)
+@pytest.mark.parametrize("mode", AUTORESET_MODES)
+@pytest.mark.parametrize("rules", RULE_SETS, ids=RULE_SET_IDS)
 def test_calls_of_a_batch_agree_with_the_model(rules: Rules, mode: str) -> None:
     """Any sequence, in every autoreset mode."""
-    run(partial(BatchMachine, rules, mode, {}), -(-SEQUENCES // (2 * len(RULES) * len(MODES))))
+    run(partial(BatchMachine, rules, mode, {}), -(-NUM_SEQUENCES // (2 * len(RULE_SETS) * len(AUTORESET_MODES))))
 
 
-@pytest.mark.parametrize("rules", RULES[-2:], ids=IDS[-2:])
+@pytest.mark.parametrize("rules", RULE_SETS[-2:], ids=RULE_SET_IDS[-2:])
 def test_rendering_between_calls_changes_nothing(rules: Rules, gl: None) -> None:
     """Any sequence with rendering agrees with the model, for one environment and a batch."""
     show = {"render_mode": "rgb_array", "render_size": (32, 24), "render_profile": "fast"}
-    run(partial(SingleMachine, rules, show), max(1, SEQUENCES // 100))
-    run(partial(BatchMachine, rules, "SameStep", show), max(1, SEQUENCES // 100))
+    run(partial(SingleMachine, rules, show), max(1, NUM_SEQUENCES // 100))
+    run(partial(BatchMachine, rules, "SameStep", show), max(1, NUM_SEQUENCES // 100))

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from minigolf_env.envs import MiniGolfEnv
 
 LOOK: dict[str, Any] = {"render_size": (64, 48), "camera": "top", "render_profile": "fast"}
-WEAK = np.array([0.1, 0.0], np.float32)
+WEAK_PUTT = np.array([0.1, 0.0], np.float32)
 
 pytestmark = pytest.mark.usefixtures("gl")
 
@@ -39,7 +39,7 @@ def test_gymnasium_wrappers_record_one_frame_a_step(tmp_path: Path, monkeypatch:
     )
     env.reset(seed=0)
     for _ in range(2):
-        env.step(WEAK)
+        env.step(WEAK_PUTT)
     env.close()
     many: Any = gym.wrappers.vector.RecordVideo(
         gym.make_vec("MiniGolf-v0", num_envs=3, render_mode="rgb_array", **LOOK),
@@ -47,11 +47,11 @@ def test_gymnasium_wrappers_record_one_frame_a_step(tmp_path: Path, monkeypatch:
         episode_trigger=lambda n: True,
     )
     many.reset(seed=0)
-    many.step(np.stack([WEAK] * 3))
+    many.step(np.stack([WEAK_PUTT] * 3))
     many.close()
     assert lengths == [3, 2]
     assert all((tmp_path / name / "rl-video-episode-0.mp4").exists() for name in ("one", "many"))
     collected: Any = RenderCollection(MiniGolfEnv(render_mode="rgb_array", **LOOK))
     collected.reset(seed=0)
-    collected.step(WEAK)
+    collected.step(WEAK_PUTT)
     assert [picture.shape for picture in collected.render()] == [(48, 64, 3)] * 2

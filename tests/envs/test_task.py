@@ -69,7 +69,7 @@ def test_spaces_contain_values_from_minus_one_to_one() -> None:
 
 
 def test_noise_turns_and_scales_by_the_standard_deviations() -> None:
-    """Noise of 1 turns by one deviation, counter-clockwise, or adds one share of the speed; no putt runs backwards."""
+    """Noise of 1 turns by one deviation, counter-clockwise, or changes the speed by one; no putt runs backwards."""
     task = build_task(putt_noise=(3.0, 0.2))
     aims = np.array([[0.5, 0.0], [0.0, 0.4], [-0.3, -0.3], [0.6, -0.8]])
     aimed = task.launch_velocity(aims) @ np.array([1.0, 1.0j, 0.0])
@@ -94,8 +94,8 @@ def test_each_ball_draws_from_its_own_generator() -> None:
     assert np.array_equal(task.sample_noise(streams), drawn)
     lower, upper = np.array(task.course.tee.lower), np.array(task.course.tee.upper)
     starts = task.sample_start([np.random.default_rng(seed) for seed in range(3)])
-    shares = np.array([np.random.default_rng(seed).random(2) for seed in range(3)])
-    assert starts[:, :2] == pytest.approx(lower + shares * (upper - lower))
+    fractions = np.array([np.random.default_rng(seed).random(2) for seed in range(3)])
+    assert starts[:, :2] == pytest.approx(lower + fractions * (upper - lower))
     assert starts[:, 2] == pytest.approx(task.course.tee.height + task.world.ball_radius)
     stream = np.random.default_rng(0)
     task.sample_start([stream])
@@ -105,33 +105,35 @@ def test_each_ball_draws_from_its_own_generator() -> None:
 
 
 def test_state_observation_encodes_ball_cup_and_strokes_left() -> None:
-    """Named features are the place within the bounds, vectors in units of their diagonal, and the strokes left."""
+    """Features are the position within the bounds, vectors in units of their diagonal, and the strokes left."""
     task = build_task(max_strokes=8)
     lower, upper = np.array(task.course.bounds)
     balls = np.random.default_rng(4).uniform(lower, upper, (50, 3))
     strokes = np.arange(50) % 9
-    seen = dict(zip(STATE_FEATURES, observe_state(task, balls, strokes).astype(np.float64).T, strict=True))
-    shares = np.column_stack([seen[f"ball {axis}"] for axis in "xyz"])
-    assert lower + (shares + 1.0) / 2.0 * (upper - lower) == pytest.approx(balls, abs=1e-5)
-    reach, to_cup = np.hypot(*(upper - lower)[:2]), np.array(task.cup.position) - balls
-    ways = np.column_stack([seen[f"to cup {axis}"] for axis in "xyz"])
-    assert ways * reach == pytest.approx(to_cup, abs=1e-5)
-    away = np.hypot(*to_cup[:, :2].T)
-    assert seen["root of cup distance"] ** 2 * reach == pytest.approx(away, abs=1e-5)
-    straight = np.column_stack([seen[f"straight putt {axis}"] for axis in "xy"])
-    assert straight == pytest.approx(seen["root of cup distance"][:, None] * to_cup[:, :2] / away[:, None], abs=1e-6)
-    assert seen["strokes left"] == pytest.approx(1.0 - strokes / 8.0)
+    features = dict(zip(STATE_FEATURES, observe_state(task, balls, strokes).astype(np.float64).T, strict=True))
+    scaled_balls = np.column_stack([features[f"ball {axis}"] for axis in "xyz"])
+    assert lower + (scaled_balls + 1.0) / 2.0 * (upper - lower) == pytest.approx(balls, abs=1e-5)
+    diagonal = np.hypot(*(upper - lower)[:2])
+    to_cup = np.array(task.cup.position) - balls
+    scaled_to_cup = np.column_stack([features[f"to cup {axis}"] for axis in "xyz"])
+    assert scaled_to_cup * diagonal == pytest.approx(to_cup, abs=1e-5)
+    distance = np.hypot(*to_cup[:, :2].T)
+    root = features["root of cup distance"]
+    assert root**2 * diagonal == pytest.approx(distance, abs=1e-5)
+    straight = np.column_stack([features[f"straight putt {axis}"] for axis in "xy"])
+    assert straight == pytest.approx(root[:, None] * to_cup[:, :2] / distance[:, None], abs=1e-6)
+    assert features["strokes left"] == pytest.approx(1.0 - strokes / 8.0)
     beyond = observe_state(task, np.array([upper + 1.0, lower - 1.0, task.cup.position]), np.zeros(3, np.int64))
     assert (beyond[0, :3] == 1.0).all() and (beyond[1, :3] == -1.0).all() and (beyond[2, 3:9] == 0.0).all()
 
 
 def test_distance_is_zero_at_the_cup_and_shrinks_along_the_route(task: Task) -> None:
-    """Along the route it falls by the distance covered; elsewhere it is at least the straight distance."""
+    """Along the route the distance falls by the length covered; elsewhere it is at least the straight distance."""
     assert task.distance_to_cup(np.array(task.cup.position)) == pytest.approx(0.0)
     route = np.array(task.course.route)
-    legs = np.linalg.norm(np.diff(route, axis=0), axis=1)
+    lengths = np.linalg.norm(np.diff(route, axis=0), axis=1)
     at_corners = task.distance_to_cup(np.column_stack([route, np.zeros(len(route))]))
-    assert at_corners == pytest.approx([legs[i:].sum() for i in range(len(route))])
+    assert at_corners == pytest.approx([lengths[i:].sum() for i in range(len(route))])
     lower, upper = np.asarray(task.course.bounds)
     anywhere = np.random.default_rng(0).uniform(lower, upper, (1000, 3))
     straight = np.hypot(*(anywhere[:, :2] - np.array(task.cup.position)[:2]).T)
@@ -140,18 +142,19 @@ def test_distance_is_zero_at_the_cup_and_shrinks_along_the_route(task: Task) -> 
 
 @pytest.mark.parametrize("name", ["dogleg", "hill", "procedural-v1-hard-2"])
 def test_distance_follows_the_nearest_route_segment(name: str) -> None:
-    """Straight to its end, then along the segments after it; shapely finds the nearest."""
+    """The distance goes straight to the segment's end, then along the segments after it; shapely finds the nearest."""
     task = build_task(name)
-    route, rng = np.array(task.course.route), np.random.default_rng(7)
-    legs = [shapely.LineString(pair) for pair in itertools.pairwise(route)]
-    lengths = [leg.length for leg in legs]
-    around = route[rng.integers(len(route), size=300)] + rng.normal(0.0, 0.7, (300, 2))
-    found = task.distance_to_cup(np.column_stack([around, np.zeros(300)]))
-    for place, distance in zip(around, found, strict=True):
-        away = np.array([leg.distance(shapely.Point(place)) for leg in legs])
-        ways = [np.hypot(*(route[k + 1] - place)) + sum(lengths[k + 1 :]) for k in range(len(legs))]
-        nearest = np.flatnonzero(away <= away.min() + 1e-9)
-        assert min(abs(distance - ways[k]) for k in nearest) < 1e-9
+    route = np.array(task.course.route)
+    rng = np.random.default_rng(7)
+    segments = [shapely.LineString(pair) for pair in itertools.pairwise(route)]
+    lengths = [segment.length for segment in segments]
+    points = route[rng.integers(len(route), size=300)] + rng.normal(0.0, 0.7, (300, 2))
+    distances = task.distance_to_cup(np.column_stack([points, np.zeros(300)]))
+    for point, distance in zip(points, distances, strict=True):
+        offsets = np.array([segment.distance(shapely.Point(point)) for segment in segments])
+        expected = [np.hypot(*(route[k + 1] - point)) + sum(lengths[k + 1 :]) for k in range(len(segments))]
+        nearest = np.flatnonzero(offsets <= offsets.min() + 1e-9)
+        assert min(abs(distance - expected[k]) for k in nearest) < 1e-9
 
 
 def outcomes_at(positions: np.ndarray) -> Outcome:
@@ -188,7 +191,7 @@ def test_shaped_reward_is_change_of_potential_less_one(task: Task) -> None:
 
 
 def test_strokes_reward_is_minus_one_a_stroke(task: Task) -> None:
-    """Wherever the ball comes to rest, and whether the episode ends or not."""
+    """The reward is -1 wherever the ball comes to rest, and whether the episode ends or not."""
     balls = np.random.default_rng(5).uniform(*task.course.bounds, (20, 3))
     ended = np.arange(10) % 2 == 0
     assert strokes_reward(balls[:10], outcomes_at(balls[10:]), ended, task).tolist() == [-1.0] * 10
@@ -206,7 +209,7 @@ def test_simulated_path_is_that_of_the_stroke(task: Task) -> None:
 
 
 def test_reshaped_outcome_keeps_its_strokes() -> None:
-    """Row by row."""
+    """Each row of the new shape has the strokes that numpy's reshape gives it."""
     outcome = Outcome(np.arange(18.0).reshape(6, 3), np.arange(6, dtype=np.int8), np.arange(6.0), np.arange(6))
     square = outcome.reshape(2, 3)
     assert square.position.shape == (2, 3, 3) and square.holed.tolist() == [[False] * 3, [True, False, False]]
@@ -256,7 +259,7 @@ def test_rules_give_same_bits_for_one_ball_and_many(task: Task) -> None:
 
 
 def test_ball_out_of_bounds_is_put_back(task: Task) -> None:
-    """A ball out of bounds lies where it was struck."""
+    """A ball out of bounds is put back where it was struck."""
     start = task.sample_start([np.random.default_rng(3)])
     outcome = task.simulate(start, np.array([[0.0, 0.0, 8.0]]))
     assert outcome.result[0] == 1

@@ -1,4 +1,4 @@
-"""The native batch equals N single environments bit for bit."""
+"""The vector environment equals N single environments bit for bit."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ from minigolf_env.courses import list_courses
 from minigolf_env.envs import MiniGolfEnv, MiniGolfVectorEnv
 from tests.envs.vector_parity import VectorParity
 
-SEED = 11
-N = 7
-MODES = ["NextStep", "SameStep", "Disabled"]
+RESET_SEED = 11
+NUM_ENVS = 7
+AUTORESET_MODES = ["NextStep", "SameStep", "Disabled"]
 
 
 def actions(step: int) -> np.ndarray:
     """Return putts (N, 2), some of which hole out from near the cup."""
-    return np.random.default_rng(step).uniform(-1, 1, (N, 2)).astype(np.float32)
+    return np.random.default_rng(step).uniform(-1, 1, (NUM_ENVS, 2)).astype(np.float32)
 
 
 def make(mode: str, **options: Any) -> gym.vector.VectorEnv:
     """Return the batch from gym.make_vec."""
-    return gym.make_vec("minigolf_env:MiniGolf-v0", num_envs=N, autoreset_mode=mode, max_strokes=3, **options)
+    return gym.make_vec("minigolf_env:MiniGolf-v0", num_envs=NUM_ENVS, autoreset_mode=mode, max_strokes=3, **options)
 
 
 @pytest.fixture
-def threads() -> Iterator[None]:
+def restored_num_threads() -> Iterator[None]:
     """Restore numba's number of threads."""
     before = numba.get_num_threads()
     yield
@@ -39,20 +39,20 @@ def threads() -> Iterator[None]:
 
 
 @pytest.mark.parametrize("noise", [(0.0, 0.0), (0.5, 0.015)])
-@pytest.mark.parametrize("mode", MODES)
-@pytest.mark.parametrize("many", [1, 2])
+@pytest.mark.parametrize("mode", AUTORESET_MODES)
+@pytest.mark.parametrize("num_threads", [1, 2])
 def test_batch_equals_single_environments_bitwise(
-    mode: str, noise: tuple[float, float], many: int, threads: None
+    mode: str, noise: tuple[float, float], num_threads: int, restored_num_threads: None
 ) -> None:
     """Environment i is a single environment seeded with seed + i, in every mode, for any number of threads."""
-    if many > numba.config.NUMBA_NUM_THREADS:
+    if num_threads > numba.config.NUMBA_NUM_THREADS:
         pytest.skip("needs as many cores")
-    numba.set_num_threads(many)
-    VectorParity(mode, N, max_strokes=3, putt_noise=noise).play(8)
+    numba.set_num_threads(num_threads)
+    VectorParity(mode, NUM_ENVS, max_strokes=3, putt_noise=noise).play(8)
 
 
 @pytest.mark.parametrize("course", [*list_courses(), "procedural"])
-@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize("mode", AUTORESET_MODES)
 def test_batch_equals_single_environments_on_every_course(mode: str, course: str) -> None:
     """A batch on every course has the bits of single environments, in every mode, with noise."""
     VectorParity(mode, 3, course=course, max_strokes=2, putt_noise=(0.5, 0.015)).play(5)
@@ -62,7 +62,7 @@ def test_batch_equals_single_environments_on_every_course(mode: str, course: str
     ("observation", "reward"), [("state", "shaped"), ("state", "strokes"), ("rays", "shaped"), ("pixels", "strokes")]
 )
 @pytest.mark.parametrize("course", ["dogleg", "procedural"])
-@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize("mode", AUTORESET_MODES)
 def test_batch_equals_single_environments_for_all_observations_and_rewards(
     mode: str, course: str, observation: str, reward: str, request: pytest.FixtureRequest
 ) -> None:
@@ -74,7 +74,7 @@ def test_batch_equals_single_environments_for_all_observations_and_rewards(
 
 
 @pytest.mark.parametrize("course", ["dogleg", "procedural"])
-@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize("mode", AUTORESET_MODES)
 def test_batch_and_single_environments_exchange_states(mode: str, course: str) -> None:
     """States of a batch and of single environments are equal, and both continue from them equally."""
     options: dict[str, Any] = {"course": course, "max_strokes": 2, "putt_noise": (0.5, 0.015)}
@@ -103,28 +103,31 @@ def test_batch_resumes_states_without_a_reset() -> None:
     assert batch.step(np.zeros((2, 2)))[-1]["strokes"].tolist() == [4, 1]
 
 
-GOOD = {"position": (0.4, 0.5, 0.1)}
+VALID_STATE = {"position": (0.4, 0.5, 0.1)}
 
 
 @pytest.mark.parametrize(
     ("states", "words"),
     [
-        (GOOD, "states: expected 3, one for each environment"),
-        ([GOOD] * 2, "states: expected 3, one for each environment, received 2"),
+        (VALID_STATE, "states: expected 3, one for each environment"),
+        ([VALID_STATE] * 2, "states: expected 3, one for each environment, received 2"),
         ("abc", "states: expected 3"),
-        ([GOOD, GOOD, "left"], "state 2: state: expected 'position'"),
-        ([GOOD, {"position": (0.4, 0.5, -0.1)}, GOOD], "state 1: position: expected a ball in"),
-        ([GOOD, GOOD, {"position": (9.0, 9.0, 0.1)}], "state 2: position: expected a place within"),
-        ([GOOD, {"position": (0.4, 0.5)}, GOOD], "state 1: position: expected shape"),
-        ([GOOD, GOOD, GOOD | {"strokes": 99}], "state 2: strokes"),
-        ([GOOD, GOOD, GOOD | {"strokes": 10}], "state 2: strokes: expected"),
-        ([GOOD, GOOD, GOOD | {"np_random": {"state": 1}}], "state 2: np_random"),
-        ([GOOD, GOOD | {"over": True}, GOOD], "state 1: over: expected an episode that is not over"),
-        ([GOOD, GOOD | {"level": 3}, GOOD], "state 1: level: expected none"),
+        ([VALID_STATE, VALID_STATE, "left"], "state 2: state: expected 'position'"),
+        ([VALID_STATE, {"position": (0.4, 0.5, -0.1)}, VALID_STATE], "state 1: position: expected a ball in"),
+        ([VALID_STATE, VALID_STATE, {"position": (9.0, 9.0, 0.1)}], "state 2: position: expected a place within"),
+        ([VALID_STATE, {"position": (0.4, 0.5)}, VALID_STATE], "state 1: position: expected shape"),
+        ([VALID_STATE, VALID_STATE, VALID_STATE | {"strokes": 99}], "state 2: strokes"),
+        ([VALID_STATE, VALID_STATE, VALID_STATE | {"strokes": 10}], "state 2: strokes: expected"),
+        ([VALID_STATE, VALID_STATE, VALID_STATE | {"np_random": {"state": 1}}], "state 2: np_random"),
+        (
+            [VALID_STATE, VALID_STATE | {"over": True}, VALID_STATE],
+            "state 1: over: expected an episode that is not over",
+        ),
+        ([VALID_STATE, VALID_STATE | {"level": 3}, VALID_STATE], "state 1: level: expected none"),
     ],
 )
 def test_invalid_states_are_rejected_and_change_nothing(states: Any, words: str) -> None:
-    """Whichever of them is invalid, and before the first reset too."""
+    """One invalid state rejects all of them, before the first reset, too."""
     batch = MiniGolfVectorEnv(3, autoreset_mode="SameStep")
     for k in range(2):
         with pytest.raises(ValueError, match=words):
@@ -149,8 +152,8 @@ def test_what_if_equals_single_environments_bitwise(course: str) -> None:
         assert own.position.shape == (4, 6, 3) and own.holed.shape == (4, 6) and none.result.shape == (4, 0)
         for i, env in enumerate(pair.singles):
             for outcome, mine in ((own, putts[i]), (same, putts[0])):
-                for many, one in zip(outcome, env.what_if(mine), strict=True):
-                    assert many[i].dtype == one.dtype and many[i].tobytes() == one.tobytes()
+                for field, expected in zip(outcome, env.what_if(mine), strict=True):
+                    assert field[i].dtype == expected.dtype and field[i].tobytes() == expected.tobytes()
 
 
 def test_what_if_rejects_invalid_actions() -> None:
@@ -212,12 +215,12 @@ def test_set_attr_sets_generators_only() -> None:
 def test_random_streams_do_not_depend_on_the_batch_size() -> None:
     """Environment i observes the same in a smaller batch."""
     large, small = make("NextStep"), gym.make_vec("minigolf_env:MiniGolf-v0", num_envs=2, max_strokes=3)
-    assert large.reset(seed=SEED)[0][:2].tobytes() == small.reset(seed=SEED)[0].tobytes()
+    assert large.reset(seed=RESET_SEED)[0][:2].tobytes() == small.reset(seed=RESET_SEED)[0].tobytes()
     for step in range(5):
         assert large.step(actions(step))[0][:2].tobytes() == small.step(actions(step)[:2])[0].tobytes()
 
 
-@pytest.mark.parametrize("mode", MODES[:2])
+@pytest.mark.parametrize("mode", AUTORESET_MODES[:2])
 def test_arrays_are_new_each_step(mode: str) -> None:
     """No returned array is overwritten later, or shares memory with another: learners keep references."""
     batch = make(mode)
@@ -276,6 +279,6 @@ def test_batch_without_autoreset_asks_for_reset() -> None:
     batch = make("Disabled")
     batch.reset(seed=0)
     for _ in range(3):
-        batch.step(np.zeros((N, 2)))
+        batch.step(np.zeros((NUM_ENVS, 2)))
     with pytest.raises(gym.error.ResetNeeded, match="reset_mask"):
-        batch.step(np.zeros((N, 2)))
+        batch.step(np.zeros((NUM_ENVS, 2)))

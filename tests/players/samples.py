@@ -11,7 +11,7 @@ from minigolf_env.envs.observations.bounce_rays import FEATURES_PER_SEGMENT, NUM
 from minigolf_env.players.mlp import MLP, Layer
 from minigolf_env.players.putt_features import FIRST_RAY_INDEX
 
-OBSERVATIONS = np.random.default_rng(0).uniform(-1.0, 1.0, (100, 10)).astype(np.float32)
+RANDOM_OBSERVATIONS = np.random.default_rng(0).uniform(-1.0, 1.0, (100, 10)).astype(np.float32)
 """Random observations of 10 numbers."""
 
 

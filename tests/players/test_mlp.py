@@ -8,7 +8,7 @@ import pytest
 from minigolf_env.players.mlp import MLP, Layer
 from minigolf_env.players.mlp_policy import MLPPolicy
 from minigolf_env.players.putt_value_model import PuttValueModel
-from tests.players.samples import OBSERVATIONS, random_mlp
+from tests.players.samples import RANDOM_OBSERVATIONS, random_mlp
 
 
 @pytest.mark.parametrize("activation", ["tanh", "relu"])
@@ -16,20 +16,20 @@ from tests.players.samples import OBSERVATIONS, random_mlp
 def test_policy_matches_float64_forward_pass(activation: str, squash: bool) -> None:
     """Actions match a float64 computation to rounding, are in [-1, 1], and have the same bits in any batch."""
     policy = MLPPolicy(random_mlp(10, 16, 8, 2, activation=activation), squash)
-    x = OBSERVATIONS.astype(np.float64)
+    x = RANDOM_OBSERVATIONS.astype(np.float64)
     for i, (weights, bias) in enumerate(policy.mlp.layers):
         x = {"tanh": np.tanh, "relu": lambda z: np.maximum(z, 0.0)}[activation](x) if i else x
         x = x @ weights.astype(np.float64) + bias
-    actions = policy.act_batch(OBSERVATIONS)
+    actions = policy.act_batch(RANDOM_OBSERVATIONS)
     assert actions.dtype == np.float32 and actions.shape == (100, 2) and np.abs(actions).max() <= 1.0
     assert np.abs(actions - (np.tanh(x) if squash else np.clip(x, -1.0, 1.0))).max() < 1e-5
     for rows in (slice(0, 1), slice(3, 4), slice(0, 37)):
-        assert policy.act_batch(OBSERVATIONS[rows]).tobytes() == actions[rows].tobytes()
+        assert policy.act_batch(RANDOM_OBSERVATIONS[rows]).tobytes() == actions[rows].tobytes()
 
 
 @pytest.mark.parametrize("shape", [(10,), (3, 9), (3, 11), (2, 3, 10), ()])
 def test_policy_rejects_observations_of_wrong_shape(shape: tuple[int, ...]) -> None:
-    """Otherwise observations with too many numbers would be accepted."""
+    """An observation of another size is refused, although one with too many numbers could be computed with."""
     with pytest.raises(ValueError, match=r"observations: expected shape \(N, 10\), received"):
         MLPPolicy(random_mlp(10, 4, 2)).act_batch(np.zeros(shape))
 
@@ -37,7 +37,7 @@ def test_policy_rejects_observations_of_wrong_shape(shape: tuple[int, ...]) -> N
 def test_expected_strokes_are_miss_probability_times_strokes_after_miss() -> None:
     """The formula holds for outputs of any size, and a value has the same bits in any batch."""
     model = PuttValueModel(random_mlp(10, 16, 2, activation="relu"))
-    features = 30.0 * OBSERVATIONS.reshape(5, 4, 5, 10)
+    features = 30.0 * RANDOM_OBSERVATIONS.reshape(5, 4, 5, 10)
     strokes = model.expected_strokes(features)
     assert strokes.dtype == np.float32 and strokes.shape == (5, 4, 5)
     first, last = model.mlp.layers
@@ -50,7 +50,7 @@ def test_expected_strokes_are_miss_probability_times_strokes_after_miss() -> Non
 
 
 def test_rejects_invalid_layers() -> None:
-    """Sizes that do not fit together, a wrong number of outputs, weights that are not finite, an unknown activation."""
+    """Refused are sizes that do not fit, a wrong number of outputs, weights that are not finite, other activations."""
     first, second = random_mlp(10, 4, 2), random_mlp(10, 5, 2)
     with pytest.raises(ValueError, match="fit together"):
         MLP((first.layers[0], second.layers[1]))

@@ -21,7 +21,7 @@ import pytest
 from minigolf_env.players.mlp_policy import MLPPolicy
 from minigolf_env.players.model_files import MAX_MODEL_BYTES, load_model, save_model
 from minigolf_env.players.putt_value_model import PuttValueModel
-from tests.players.samples import OBSERVATIONS, random_mlp
+from tests.players.samples import RANDOM_OBSERVATIONS, random_mlp
 
 torch = pytest.importorskip("torch", reason="reading and writing .zip files needs torch")
 
@@ -34,7 +34,7 @@ def test_loaded_policy_equals_saved_policy(tmp_path: Path) -> None:
     assert (tmp_path / "first.npz").read_bytes() == (tmp_path / "second.npz").read_bytes()
     loaded = load_model(tmp_path / "first.npz")
     assert isinstance(loaded, MLPPolicy)
-    assert loaded.act_batch(OBSERVATIONS).tobytes() == policy.act_batch(OBSERVATIONS).tobytes()
+    assert loaded.act_batch(RANDOM_OBSERVATIONS).tobytes() == policy.act_batch(RANDOM_OBSERVATIONS).tobytes()
     assert (loaded.mlp.activation, loaded.squash, loaded.mlp.num_inputs) == ("relu", True, 10)
 
 
@@ -44,7 +44,9 @@ def test_loaded_value_model_equals_saved_value_model(tmp_path: Path) -> None:
     save_model(model, tmp_path / "value.npz")
     loaded = load_model(tmp_path / "value.npz")
     assert isinstance(loaded, PuttValueModel)
-    assert loaded.expected_strokes(OBSERVATIONS).tobytes() == model.expected_strokes(OBSERVATIONS).tobytes()
+    assert (
+        loaded.expected_strokes(RANDOM_OBSERVATIONS).tobytes() == model.expected_strokes(RANDOM_OBSERVATIONS).tobytes()
+    )
 
 
 def test_float16_file_is_half_as_large(tmp_path: Path) -> None:
@@ -109,7 +111,7 @@ def test_no_file_runs_code(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["empty.npz", "text.npz", "text.zip", "other.zip", "array.npz"])
 def test_rejects_damaged_and_foreign_files(tmp_path: Path, name: str) -> None:
-    """An empty file, a text, a zip file without a model, a single array."""
+    """Refused are an empty file, a text, a zip file without a model, and a single array."""
     path = tmp_path / name
     path.write_bytes(b"" if name == "empty.npz" else b"no model")
     if name == "other.zip":

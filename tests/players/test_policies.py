@@ -32,14 +32,14 @@ def test_random_policy_is_uniform_in_disc_and_reproducible() -> None:
 
 
 def test_rejects_value_model_with_wrong_number_of_features(tmp_path: Path) -> None:
-    """Such a model was trained on the features of another version."""
+    """A model with another number of features was trained on those of another version."""
     save_model(PuttValueModel(random_mlp(NUM_FEATURES + 1, 2)), tmp_path / "other.npz")
     with pytest.raises(ValueError, match=f"value model of {NUM_FEATURES} features, received {NUM_FEATURES + 1}"):
         load_policy(tmp_path / "other.npz")
 
 
 def test_value_model_plays_same_putts_alone_and_in_batch(tmp_path: Path) -> None:
-    """It needs bounce rays, and its putts are valid actions."""
+    """The policy needs bounce rays, and its putts are valid actions."""
     save_model(PuttValueModel(random_mlp(NUM_FEATURES, 2)), tmp_path / "value.npz")
     policy = ModelPolicy(tmp_path / "value.npz")
     assert policy.observation == "bounce_rays"

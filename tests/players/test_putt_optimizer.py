@@ -51,7 +51,7 @@ def test_putt_has_same_bits_in_any_batch(n: int) -> None:
 
 
 def test_costs_and_actions_are_finite_on_levels() -> None:
-    """From the tees, and from wherever putts lead."""
+    """Costs and actions are finite for balls on the tees and where putts have led."""
     envs = MiniGolfVectorEnv(32, "procedural", difficulty="hard", num_levels=8, observation="bounce_rays")
     observations, _ = envs.reset(seed=0)
     for _ in range(3):

@@ -93,7 +93,7 @@ def test_plans_for_noise_of_environment(env: MiniGolfEnv) -> None:
 
 
 def test_noise_samples_are_standard_normal() -> None:
-    """Their mean is 0, their standard deviation 1, and the two components are independent."""
+    """The samples have mean 0 and standard deviation 1, and their two components are independent."""
     assert np.abs(NOISE_SAMPLES.mean(axis=0)).max() < 0.05
     assert np.abs(np.cov(NOISE_SAMPLES.T) - np.eye(2)).max() < 0.12
 
