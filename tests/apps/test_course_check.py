@@ -13,7 +13,7 @@ from minigolf_env.courses.builder import CourseBuilder
 LANE_OUTLINE = [{"box": (0, 0, 3, 1)}]
 
 
-def hole(cup: tuple[float, float, float] = (2.5, 0.5, 0.0)) -> CourseBuilder:
+def plain_lane(cup: tuple[float, float, float] = (2.5, 0.5, 0.0)) -> CourseBuilder:
     """Return a plain lane."""
     return CourseBuilder("plain", tee=(0.4, 0.5), cup=cup, top_speed=5.0).add("lane", outline=LANE_OUTLINE)
 
@@ -25,25 +25,25 @@ def test_bundled_courses_have_no_errors(name: str) -> None:
 
 
 def test_finds_errors_of_tee_and_cup() -> None:
-    """A tee in a wall, a covered cup, a cup behind walls, a tee without a floor below."""
+    """A tee in a wall or without a floor, a covered cup and a cup behind walls are errors."""
 
     def errors(builder: CourseBuilder) -> str:
         return " ".join(find_course_errors(builder.course()))
 
-    assert errors(hole()) == ""
-    assert "is inside 'block 2'" in errors(hole().add("block", outline=[{"box": (0.2, 0.2, 0.6, 0.8)}]))
-    assert "expected free space over it" in errors(hole().add("box", at=(2.5, 0.5, 0.06), size=(0.3, 0.3, 0.1)))
+    assert errors(plain_lane()) == ""
+    assert "is inside 'block 2'" in errors(plain_lane().add("block", outline=[{"box": (0.2, 0.2, 0.6, 0.8)}]))
+    assert "expected free space over it" in errors(plain_lane().add("box", at=(2.5, 0.5, 0.06), size=(0.3, 0.3, 0.1)))
     walls = [{"box": (1.9, -0.05, 2.0, 1.05)}]
-    walled = hole().add("block", outline=walls, top=1.9)
+    walled = plain_lane().add("block", outline=walls, top=1.9)
     assert "search did not hole out within 10 strokes" in errors(walled)
     no_floor = CourseBuilder("x", tee=(3.3, 0.5), cup=(2.5, 0.5, 0.0), bounds=((-1, -1, -1), (4, 2, 2)))
     assert "expected a floor below" in errors(no_floor.add("lane", outline=LANE_OUTLINE, border=0))
 
 
 def test_command_exits_with_1_if_there_are_errors(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Otherwise it exits with 0 and says that there are no errors."""
+    """Without errors the command exits with 0 and reports that there are none."""
     good, bad = tmp_path / "good.toml", tmp_path / "bad.toml"
-    hole().save(good)
+    plain_lane().save(good)
     cli.main(["check", str(good)])
     assert "plain: no errors found" in capsys.readouterr().out
     bad.write_text(good.read_text().replace('"lane"', '"line"'))

@@ -46,13 +46,13 @@ def test_writes_map_and_draws_it_on_axes(tmp_path: Path) -> None:
 
 
 def test_rejects_tee_inside_wall() -> None:
-    """The error is that of the environment."""
+    """The error message is that of the environment."""
     with pytest.raises(ValueError, match="expected a ball in free space"):
         simulate_putts("dogleg", tee=(3.3, 1.5), directions=4, speeds=2)
 
 
 def test_rejects_invalid_arguments_before_simulating(tmp_path: Path) -> None:
-    """No directions, or an unknown file ending."""
+    """Zero directions and an unknown file ending are errors, and no putt is simulated."""
     with pytest.raises(ValueError, match=r"directions and speeds >= 1, received \(0, 2\)"):
         simulate_putts("dogleg", directions=0, speeds=2)
     with pytest.raises(ValueError, match=r"output: the file's ending: expected one of .*'png'.*received 'pgn'"):

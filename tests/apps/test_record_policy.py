@@ -95,7 +95,7 @@ def run_video_command(monkeypatch: pytest.MonkeyPatch, *words: str) -> int:
 def test_command_exit_codes(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], gl: None
 ) -> None:
-    """0 with a file, 1 with a one-line error, 2 for an unknown option or without OpenGL."""
+    """The command exits with 0 and a file, 1 and a one-line error, or 2 for an unknown option or without OpenGL."""
     monkeypatch.chdir(tmp_path)
     assert run_video_command(monkeypatch, "-o", "a.gif", "--size", "64", "48", "--fps", "5", "--profile", "fast") == 0
     assert len(decode(tmp_path / "a.gif", SIZE)) > 5
@@ -112,7 +112,7 @@ def test_command_exit_codes(
 
 
 def test_mistake_prints_one_line_and_no_traceback(tmp_path: Path) -> None:
-    """In a process of its own, a mistake prints one line on stderr."""
+    """In a separate process, a mistake prints one line on stderr."""
     command = [sys.executable, "-m", "minigolf_env.cli", "video", "-o", str(tmp_path / "a.mpeg")]
     result = subprocess.run(command, capture_output=True, text=True)
     assert (result.returncode, result.stdout, result.stderr.count("\n")) == (1, "", 1)

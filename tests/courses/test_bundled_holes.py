@@ -50,7 +50,7 @@ def putts(n: int, fastest: float, rng: np.random.Generator) -> FloatArray:
 
 @pytest.mark.parametrize("name", HOLE_NAMES)
 def test_hole_file_is_small_and_has_par_and_hole_in_one(name: str) -> None:
-    """It has a description and is less than 4 kB."""
+    """A hole's file has a description and is smaller than 4 kB."""
     file = description(name)
     assert file.name == name and file.about and file.par is not None and file.hole_in_one is not None
     assert (DATA_DIR / f"{name}.toml").stat().st_size < 4000
@@ -59,7 +59,7 @@ def test_hole_file_is_small_and_has_par_and_hole_in_one(name: str) -> None:
 
 @pytest.mark.parametrize("name", HOLE_NAMES)
 def test_known_hole_in_one_holes_out_single_and_in_batch(name: str) -> None:
-    """From the middle of the tee."""
+    """The file's action holes out from the middle of the tee, in one environment and in a batch."""
     action = np.array(description(name).hole_in_one, dtype=np.float32)
     env = gym.make("MiniGolf-v0", course=name, tee="fixed", reward="strokes")
     env.reset(seed=0)
@@ -111,20 +111,20 @@ def test_every_resting_position_is_playable(name: str) -> None:
 
 @pytest.mark.parametrize("name", HOLE_NAMES)
 def test_only_green100k_has_over_100000_triangles(name: str) -> None:
-    """All other holes are smaller."""
+    """All holes but green100k have fewer triangles."""
     count = sum(len(part.mesh.faces) for part in load_course(name).parts)
     assert (count > 100_000) == (name == LARGE_HOLE)
 
 
 @pytest.mark.parametrize("name", HOLE_NAMES)
 def test_every_hole_passes_gymnasium_env_checker(name: str) -> None:
-    """With Gymnasium's own check_env."""
+    """Gymnasium's check_env accepts an environment on each hole."""
     check_env(gym.make("MiniGolf-v0", course=name).unwrapped, skip_render_check=True)
 
 
 @pytest.mark.parametrize("fraction", [0.6, 0.7, 0.85, 1.0])
 def test_loop_passes_straight_putts_from_two_thirds_of_top_speed(fraction: float) -> None:
-    """They pass over the top and come out behind it; slow putts fall back."""
+    """Fast straight putts pass over the top and come out behind the loop; slow putts fall back."""
     course, world = load_course("loop"), world_of("loop")
     x, y = course.tee.centre
     start = (x, y, course.ball_radius)

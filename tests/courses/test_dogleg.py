@@ -37,15 +37,15 @@ FloatArray = NDArray[np.float64]
 
 
 @pytest.fixture(scope="module")
-def hole() -> Course:
+def dogleg() -> Course:
     """Return the default hole."""
     return load_course("dogleg")
 
 
 @pytest.fixture(scope="module")
-def world(hole: Course) -> World:
+def world(dogleg: Course) -> World:
     """Return its physics."""
-    return hole.world()
+    return dogleg.world()
 
 
 @pytest.fixture
@@ -104,9 +104,9 @@ def test_ball_on_tee_overlaps_no_surface(name: str, rng: np.random.Generator) ->
         assert clearance.max() <= 1e-12 * world.coordinate_scale
 
 
-def test_no_straight_putt_reaches_cup(hole: Course, world: World, rng: np.random.Generator) -> None:
+def test_no_straight_putt_reaches_cup(dogleg: Course, world: World, rng: np.random.Generator) -> None:
     """From every start an upright wall blocks the straight line to the cup."""
-    starts = sample_tee(hole, 200, rng)
+    starts = sample_tee(dogleg, 200, rng)
     starts[:, 2] += 0.001  # Off the felt, which would be hit first.
     ends = np.broadcast_to([*CUP_POSITION[:2], starts[0, 2]], starts.shape)
     hits = world.sweep_batch(starts, ends)
@@ -114,64 +114,64 @@ def test_no_straight_putt_reaches_cup(hole: Course, world: World, rng: np.random
     assert np.allclose(hits.normal[:, 2], 0.0)
 
 
-def test_hole_in_one_exists_from_corners_and_middle_of_tee(hole: Course, world: World) -> None:
+def test_hole_in_one_exists_from_corners_and_middle_of_tee(dogleg: Course, world: World) -> None:
     """A coarse search finds putts that bank into the cup."""
-    angles, speeds = np.meshgrid(np.linspace(-np.pi, np.pi, 180), np.linspace(3.0, hole.top_speed, 10))
+    angles, speeds = np.meshgrid(np.linspace(-np.pi, np.pi, 180), np.linspace(3.0, dogleg.top_speed, 10))
     velocities = putts(angles.ravel(), speeds.ravel())
-    for x, y in (hole.tee.lower, hole.tee.centre, hole.tee.upper):
+    for x, y in (dogleg.tee.lower, dogleg.tee.centre, dogleg.tee.upper):
         shots = world.simulate_batch(np.broadcast_to([x, y, BALL_RADIUS], velocities.shape), velocities)
-        assert in_cup(hole, shots).any(), f"no hole in one from {(x, y)}"
+        assert in_cup(dogleg, shots).any(), f"no hole in one from {(x, y)}"
 
 
-def test_putts_end_on_lane_or_in_cup(hole: Course, world: World, rng: np.random.Generator) -> None:
+def test_putts_end_on_lane_or_in_cup(dogleg: Course, world: World, rng: np.random.Generator) -> None:
     """From anywhere at any speed, no ball leaves the lane, sinks, gets stuck on an edge or rolls for ever."""
-    starts = np.concatenate([sample_tee(hole, 300, rng), sample_floor(300, rng)])
+    starts = np.concatenate([sample_tee(dogleg, 300, rng), sample_floor(300, rng)])
     n = len(starts)
-    shots = world.simulate_batch(starts, putts(rng.uniform(-np.pi, np.pi, n), rng.uniform(0.0, hole.top_speed, n)))
+    shots = world.simulate_batch(starts, putts(rng.uniform(-np.pi, np.pi, n), rng.uniform(0.0, dogleg.top_speed, n)))
     assert n == 600 and np.all(shots.status == Status.REST)
     assert not np.any(shots.exhausted)
     assert world.clearance(shots.position).min() >= -1e-12 * world.coordinate_scale
     assert shapely.contains_xy(LANE_OUTLINE.buffer(-0.99 * BALL_RADIUS), shots.position[:, :2]).all()
     on_felt = np.abs(shots.position[:, 2] - BALL_RADIUS) <= 1e-9
-    assert (on_felt | in_cup(hole, shots)).all()
+    assert (on_felt | in_cup(dogleg, shots)).all()
 
 
-def test_balls_thrown_up_by_rim_stay_below_border_top(hole: Course, rng: np.random.Generator) -> None:
+def test_balls_thrown_up_by_rim_stay_below_border_top(dogleg: Course, rng: np.random.Generator) -> None:
     """Putts at the cup from nearby, at any speed, never fly as high as the border."""
-    lower, upper = np.array(hole.bounds)
+    lower, upper = np.array(dogleg.bounds)
     upper[2] = MAX_FLIGHT_HEIGHT + BALL_RADIUS
-    low_sky = World([part.mesh for part in hole.parts], bounds=[lower, upper])
+    low_sky = World([part.mesh for part in dogleg.parts], bounds=[lower, upper])
     around = rng.uniform(-np.pi, np.pi, 500)
     distance = rng.uniform(0.1, 0.3, 500)
     starts = np.array(CUP_POSITION) + putts(around, distance) + [0.0, 0.0, BALL_RADIUS]
-    velocities = putts(around + np.pi + rng.uniform(-0.3, 0.3, 500), rng.uniform(0.0, hole.top_speed, 500))
+    velocities = putts(around + np.pi + rng.uniform(-0.3, 0.3, 500), rng.uniform(0.0, dogleg.top_speed, 500))
     assert np.all(low_sky.simulate_batch(starts, velocities).status == Status.REST)
 
 
-def test_dogleg_file_builds_golden_meshes_bitwise(hole: Course) -> None:
+def test_dogleg_file_builds_golden_meshes_bitwise(dogleg: Course) -> None:
     """The meshes have the bits on which the golden trajectories were recorded."""
     with np.load(Path(__file__).parents[1] / "data" / "golden_dogleg.npz") as data:
-        assert {part.name for part in hole.parts} == {key.split(".")[0] for key in data}
-        for part in hole.parts:
+        assert {part.name for part in dogleg.parts} == {key.split(".")[0] for key in data}
+        for part in dogleg.parts:
             assert np.array_equal(part.mesh.vertices, data[f"{part.name}.vertices"])
             assert np.array_equal(part.mesh.faces, data[f"{part.name}.faces"])
 
 
-def test_ball_dropped_over_cup_rests_on_its_bottom(hole: Course, world: World) -> None:
-    """It comes to rest in the cup."""
-    assert hole.cup is not None
-    shot = world.simulate((*hole.cup.position[:2], 0.2), (0.0, 0.0, 0.0))
-    assert in_cup(hole, shot)
-    assert shot.position[2] == pytest.approx(BALL_RADIUS - hole.cup.depth)
+def test_ball_dropped_over_cup_rests_on_its_bottom(dogleg: Course, world: World) -> None:
+    """A dropped ball comes to rest in the cup."""
+    assert dogleg.cup is not None
+    shot = world.simulate((*dogleg.cup.position[:2], 0.2), (0.0, 0.0, 0.0))
+    assert in_cup(dogleg, shot)
+    assert shot.position[2] == pytest.approx(BALL_RADIUS - dogleg.cup.depth)
 
 
 @pytest.mark.parametrize(("speed", "captured"), [(0.3, True), (1.2, True), (2.5, False)])
-def test_cup_captures_slow_balls_only(hole: Course, world: World, speed: float, captured: bool) -> None:
+def test_cup_captures_slow_balls_only(dogleg: Course, world: World, speed: float, captured: bool) -> None:
     """Along its centre line free fall alone captures below 1.31 m/s (docs/physics.md); a fast ball crosses the cup."""
     x, y, _ = CUP_POSITION
-    braking = 2.0 * hole.parts[0].mesh.surface.rolling * 9.81 * (0.3 - Cup.radius)
+    braking = 2.0 * dogleg.parts[0].mesh.surface.rolling * 9.81 * (0.3 - Cup.radius)
     shot = world.simulate((x, y - 0.3, BALL_RADIUS), (0.0, np.sqrt(speed**2 + braking), 0.0))
-    assert in_cup(hole, shot) == captured
+    assert in_cup(dogleg, shot) == captured
 
 
 @pytest.mark.parametrize("radius", [0.03, 0.054, 0.1])
@@ -227,7 +227,7 @@ def test_courses_load_by_name() -> None:
     ],
 )
 def test_invalid_requests_name_expected_and_received_value(request_: dict[str, Any], message: str) -> None:
-    """Unknown names, missing files, and cup radii that do not fit."""
+    """Unknown names, missing files and cup radii that do not fit are errors."""
     with pytest.raises(CourseError, match=message):
         load_course(**request_)
 
@@ -251,10 +251,10 @@ OPEN_MESH = TriangleMesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
         ({"bounds": ((0.0, 0.0, -np.inf), (4.0, 4.0, 1.0))}, "bounds: expected finite numbers"),
     ],
 )
-def test_rejects_invalid_course_field(hole: Course, change: dict[str, Any], message: str) -> None:
+def test_rejects_invalid_course_field(dogleg: Course, change: dict[str, Any], message: str) -> None:
     """Every message names the course and the field."""
     with pytest.raises(CourseError, match=f"course 'dogleg': .*{message}"):
-        dataclasses.replace(hole, **change)
+        dataclasses.replace(dogleg, **change)
 
 
 def test_rejects_invalid_cup_tee_and_part() -> None:
@@ -269,9 +269,9 @@ def test_rejects_invalid_cup_tee_and_part() -> None:
         Part("floor", load_course("dogleg").parts[0].mesh, "fellt")  # type: ignore[arg-type]
 
 
-def test_rejects_tee_inside_surface(hole: Course) -> None:
+def test_rejects_tee_inside_surface(dogleg: Course) -> None:
     """The overlap is found when the world is made."""
-    sunk = dataclasses.replace(hole, tee=dataclasses.replace(hole.tee, height=-0.01))
+    sunk = dataclasses.replace(dogleg, tee=dataclasses.replace(dogleg.tee, height=-0.01))
     with pytest.raises(CourseError, match=r"course 'dogleg': .*m deep in a surface"):
         sunk.world()
 

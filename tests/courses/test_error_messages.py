@@ -37,7 +37,7 @@ def message_of(text: str) -> str:
     ],
 )
 def test_error_names_line_of_key(start: str, new: str, where: str) -> None:
-    """Wherever the key is in the file."""
+    """A message names the line of a faulty key, wherever in the file it is."""
     lines = DOGLEG.splitlines()
     number = line_of(DOGLEG, start)
     lines[number - 1] = new
@@ -45,7 +45,7 @@ def test_error_names_line_of_key(start: str, new: str, where: str) -> None:
 
 
 def test_message_lists_five_faults_and_counts_the_others() -> None:
-    """Each on a line of its own."""
+    """Each listed fault has a line in the message."""
     text = DOGLEG + "".join(f"[[parts]]\nkind = 'sphere'\nat = [0, 0, {k}]\nradius = -1.0\n" for k in range(8))
     messages = message_of(text).splitlines()
     first = line_of(text, "radius")
@@ -57,7 +57,7 @@ def test_message_lists_five_faults_and_counts_the_others() -> None:
 
 
 def test_missing_key_is_reported_at_line_of_its_table() -> None:
-    """The message asks to add it."""
+    """The message asks to add the missing key."""
     text = DOGLEG + '\n[[parts]]\nkind = "sphere"\nat = [0, 0, 0]\n'
     parts = len([line for line in text.splitlines() if line.startswith("[[parts]]")])
     number = line_of(text, "[[parts]]", parts - 1)
@@ -66,7 +66,7 @@ def test_missing_key_is_reported_at_line_of_its_table() -> None:
 
 
 def test_fault_location_is_a_path_of_keys() -> None:
-    """Pydantic's tags for kinds of corners and heights are not part of it."""
+    """The path does not contain pydantic's tags for kinds of corners and heights."""
     for part, path in (
         ({"outline": [{"polygon": [(0, 0), (1, 0), {"via": (1, "x"), "to": (0, 1)}]}]}, "outline[0].polygon[2].via[1]"),
         ({"outline": [{"polygon": [(0, 0), (1, "x"), (0, 1)]}]}, "outline[0].polygon[1][1]"),
@@ -86,7 +86,7 @@ def test_fault_location_is_a_path_of_keys() -> None:
 
 
 def test_unknown_top_level_key_has_no_path() -> None:
-    """It is in no table."""
+    """The message about a key that is in no table has no path."""
     assert message_of('nmae = "x"').startswith("hole.toml: unknown key 'nmae'; did you mean 'name'?")
 
 
@@ -106,7 +106,7 @@ def test_rejects_key_of_many_parts_before_parsing() -> None:
 
 
 def test_unreadable_file_is_named(tmp_path: Path) -> None:
-    """A file that is missing, not text, or too large."""
+    """A file that is missing, not text or too large is an error that names the file."""
     (tmp_path / "noise.toml").write_bytes(b"\xff\xfe\x00")
     for path, limits, message in (
         (tmp_path / "none.toml", None, "expected a readable TOML file, received .*none.toml"),
@@ -118,7 +118,7 @@ def test_unreadable_file_is_named(tmp_path: Path) -> None:
 
 
 def test_rejects_other_radius_for_cup_that_is_already_cut() -> None:
-    """Its own radius is accepted; without a cup, every radius is an error."""
+    """A cup that is cut accepts only its radius; without a cup, every radius is an error."""
     cut = describe_course(load_course("dogleg"))
     assert cut.cup is not None
     assert build_course(cut, cup_radius=cut.cup.radius).cup == load_course("dogleg").cup
@@ -131,7 +131,7 @@ def test_rejects_other_radius_for_cup_that_is_already_cut() -> None:
 
 
 def test_hex_color_round_trip() -> None:
-    """None stays None."""
+    """A colour in hexadecimal notation is written as it was read; no colour gives None."""
     for shade in ("#000000", "#0a7fff", "#ffffff", "#102030"):
         made = CourseBuilder("one", tee=(0.0, 0.0)).add("box", at=(0, 0, -0.1), size=(2, 2, 0.2), color=shade)
         assert hex_color(made.course().parts[0]) == shade

@@ -38,7 +38,7 @@ def same_mesh(a: Course, b: Course) -> bool:
 
 @pytest.mark.parametrize("name", [*list_courses(), "room"])
 def test_course_survives_glb_round_trip_bitwise(name: str, tmp_path: Path) -> None:
-    """Course -> GLB -> Course, although glTF stores positions as float32."""
+    """A course that is written as .glb and read has the same bits, although glTF stores positions as float32."""
     course, path = load_course(name), tmp_path / "copy.glb"
     path.write_bytes(to_glb(course))
     again = load_course(path)
@@ -48,7 +48,7 @@ def test_course_survives_glb_round_trip_bitwise(name: str, tmp_path: Path) -> No
 
 
 def test_cup_depth_survives_glb_round_trip(tmp_path: Path) -> None:
-    """So does its radius."""
+    """A cup that is written as .glb and read has the same depth and radius."""
     cup = {"position": (2.5, 0.5, 0.0), "radius": 0.06, "depth": 0.2}
     made = (
         CourseBuilder("deep", tee=(0.3, 0.5), cup=cup)
@@ -70,7 +70,7 @@ def test_putt_on_glb_copy_has_same_path_bitwise(tmp_path: Path) -> None:
 
 
 def test_trimesh_reads_written_glb(tmp_path: Path) -> None:
-    """It finds the same parts, with y up."""
+    """A written file has the same parts in trimesh, with y up."""
     path = tmp_path / "copy.glb"
     path.write_bytes(to_glb(load_course("dogleg")))
     scene = trimesh.load_scene(path)
@@ -147,7 +147,7 @@ def test_tee_mesh_gives_tee_box(tmp_path: Path) -> None:
     ],
 )
 def test_glb_errors_name_object_and_fault(change: dict[str, SceneObject | None], message: str, tmp_path: Path) -> None:
-    """Missing objects, cups that do not fit, unknown surfaces and colours."""
+    """Missing objects, cups that do not fit, unknown surfaces and colours are errors."""
     with pytest.raises(CourseError, match=message):
         load_course(write(by_hand(**change), tmp_path / "hand.glb"))
 
@@ -161,7 +161,7 @@ def test_rejects_open_mesh(tmp_path: Path) -> None:
 
 
 def test_parent_transforms_apply_to_children() -> None:
-    """A cycle of parents is an error."""
+    """The transform of a parent applies to its children; a cycle of parents is an error."""
     content = write_scene([solid("a", (1, 1, 1), (0, 0, 0)), SceneObject("b", (0.0, 0.0, 0.0), {}, None, None)], {})
     size = struct.unpack_from("<I", content, 12)[0]
     data = json.loads(content[20 : 20 + size])
@@ -178,7 +178,7 @@ def test_parent_transforms_apply_to_children() -> None:
 
 @pytest.mark.parametrize("seed", range(6))
 def test_node_transforms_match_trimesh(seed: int) -> None:
-    """Translation, rotation, scale and matrices of nested nodes, with mirrored objects."""
+    """Translations, rotations, scales and matrices of nested and mirrored nodes give trimesh's vertices."""
     rng = np.random.default_rng(seed)
     content = write_scene([solid(name, (1, 2, 3), (0.1, 0.2, 0.3)) for name in "abc"], {})
     size = struct.unpack_from("<I", content, 12)[0]
@@ -207,7 +207,7 @@ def test_node_transforms_match_trimesh(seed: int) -> None:
 
 @pytest.mark.parametrize("kind", ["u1", "<u2", "<u4", None])
 def test_reads_arrays_of_any_index_type_and_stride(kind: str | None) -> None:
-    """Small or large indices or none, with stride and offset; accessors beyond the file are errors."""
+    """Indices of any size or none, strides and offsets are read; accessors beyond the file are errors."""
     corners = np.array([[0, 0, 0], [2, 0, 0], [0, 3, 0], [0, 0, 4], [2, 0, 4], [0, 3, 4]], "<f4")
     faces = np.array([[0, 2, 1], [3, 4, 5]])
     rows = np.zeros((6, 5), "<f4")
@@ -261,7 +261,7 @@ def test_reads_arrays_of_any_index_type_and_stride(kind: str | None) -> None:
 
 
 def test_rejects_files_with_invalid_glb_header() -> None:
-    """Wrong magic number or version, or chunks longer than the file."""
+    """A wrong magic number or version, and chunks longer than the file, are errors."""
     alone = packed({"nodes": [{"name": "tee"}]}, b"")  # JSON to the last byte.
     assert [item.name for item in read_scene(alone, Limits())[0]] == ["tee"]
     stored = write_scene([solid("a", (1, 1, 1), (0, 0, 0))], {"par": 3})
@@ -278,7 +278,7 @@ def test_rejects_files_with_invalid_glb_header() -> None:
 
 
 def test_exact_vertices_are_ignored_if_object_changed() -> None:
-    """They are used while they round to the stored positions; damaged ones are ignored."""
+    """Exact vertices are used while they round to the stored positions; damaged ones are ignored."""
     corners = np.array([[0.1, 0.2, 0.3], [1.1, 0.2, 0.3], [0.1, 1.2, 0.3]])
     content = write_scene([SceneObject("a", (0.0, 0.0, 0.0), {}, corners, np.array([[0, 1, 2]]))], {})
     size = struct.unpack_from("<I", content, 12)[0]
@@ -308,7 +308,7 @@ def packed(data: dict[str, Any], rest: bytes) -> bytes:
 
 
 def test_limits_count_each_use_of_an_array(tmp_path: Path) -> None:
-    """Otherwise a small file could ask for terabytes; its JSON is bounded like all text."""
+    """A small file that repeats an array cannot allocate terabytes; its JSON has the limit of text."""
     content = write_scene([solid("a", (1, 1, 1), (0, 0, 0))], {})
     size = struct.unpack_from("<I", content, 12)[0]
     data = json.loads(content[20 : 20 + size])
@@ -330,7 +330,7 @@ def test_limits_count_each_use_of_an_array(tmp_path: Path) -> None:
 
 
 def test_mutated_glb_loads_or_raises_course_error(tmp_path: Path) -> None:
-    """Changed bytes and huge numbers: nothing is allocated by the counts in a file."""
+    """Changed bytes and huge numbers raise only CourseErrors, and counts in a file allocate nothing."""
     rng = random.Random(0)  # noqa: S311 (not for secrets)
     stored = write_scene(by_hand(), HOLE)
     refused = 0

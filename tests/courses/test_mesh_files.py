@@ -31,7 +31,7 @@ def test_mesh_part_loads_every_format_with_scale_turn_and_position(ending: str, 
 
 
 def test_changed_mesh_file_is_loaded_again(tmp_path: Path) -> None:
-    """Even if the course file that names it is unchanged."""
+    """A course is loaded again when its mesh file changes, even if its course file does not."""
     (tmp_path / "m.toml").write_text(MESH.format("slab.stl"))
     slab = tmp_path / "slab.stl"
     heights = []
@@ -48,7 +48,7 @@ def test_changed_mesh_file_is_loaded_again(tmp_path: Path) -> None:
     "name", ["../slab.obj", "/etc/passwd", "C:/slab.obj", "a/../../slab.obj", "link.obj", "x.py", "no.obj"]
 )
 def test_rejects_mesh_files_outside_course_folder(name: str, tmp_path: Path) -> None:
-    """No dots, roots, drives or links lead out of it; other kinds of files are errors."""
+    """Dots, roots, drives and links that lead out of the folder, and other kinds of files, are errors."""
     (tmp_path / "slab.obj").write_text("v 0 0 0\n")
     inner = tmp_path / "inner"
     inner.mkdir()
@@ -85,7 +85,7 @@ HOSTILE = {
 
 @pytest.mark.parametrize("name", HOSTILE)
 def test_mesh_file_takes_at_most_about_hundred_times_its_size(name: str, tmp_path: Path) -> None:
-    """Whatever the file claims; a limit bounds that size."""
+    """Reading takes bounded memory whatever the file claims; a limit bounds the file's size."""
     content = HOSTILE[name]
     (tmp_path / name).write_bytes(content if isinstance(content, bytes) else content.encode())
     (tmp_path / "m.toml").write_text(MESH.format(name))
@@ -105,7 +105,7 @@ def test_mesh_file_takes_at_most_about_hundred_times_its_size(name: str, tmp_pat
 
 
 def test_obj_groups_and_stl_solids_are_merged_before_reading() -> None:
-    """Each would cost a pass; textures, normals, comments, continued lines and all line ends are accepted."""
+    """Groups would cost a pass each; textures, normals, comments, continued lines and all line ends are accepted."""
     box = trimesh.creation.box((2, 2, 0.2))
     lines = ["mtllib ../m.mtl", *(f"v {x} {y} {z} 1 0 0 # caf\u00e9" for x, y, z in box.vertices), "vt 0 0", "vn 0 0 1"]
     for k, face in enumerate(box.faces + 1):
@@ -121,7 +121,7 @@ def test_obj_groups_and_stl_solids_are_merged_before_reading() -> None:
 
 @pytest.mark.parametrize("ending", ["obj", "stl", "ascii.stl", "ply", "ascii.ply"])
 def test_mutated_mesh_files_load_or_raise_course_error(ending: str, tmp_path: Path) -> None:
-    """No other exception is raised."""
+    """Changed bytes in a mesh file raise no other exception."""
     box, rng, refused = trimesh.creation.box((2, 2, 0.2)), random.Random(0), 0  # noqa: S311 (not for secrets)
     whole = {
         "obj": lambda: box.export(file_type="obj").encode(),

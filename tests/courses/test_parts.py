@@ -41,7 +41,7 @@ def polygon_area_ratio(sides: int) -> float:
 
 
 def test_outline_areas_match_formulas() -> None:
-    """Boxes, circles, strips and polygons; rotated, rounded, joined, and with holes."""
+    """Boxes, circles, strips and polygons have their areas, rotated, rounded, joined and with holes."""
     box = build_outline([shape(box=(1, 2, 4, 4), turn=90)])
     assert box.bounds == pytest.approx((1.5, 1.5, 3.5, 4.5)) and box.area == pytest.approx(6.0)
     tilted = build_outline([shape(box=(1, 2, 4, 4), turn=30)])
@@ -64,7 +64,7 @@ def test_outline_areas_match_formulas() -> None:
 
 @pytest.mark.parametrize("seed", range(8))
 def test_arc_points_lie_on_circle_through_three_points(seed: int) -> None:
-    """In both directions and for any angle; no segment turns by more than 5 degrees."""
+    """Arcs in both directions and of any angle are on the circle; no segment turns by more than 5 degrees."""
     rng = np.random.default_rng(seed)
     middle, radius = rng.uniform(-2, 2, 2), rng.uniform(0.3, 2)
     arc_angle = rng.choice([-1, 1]) * rng.uniform(0.3, 5.5)
@@ -88,7 +88,7 @@ def test_arc_points_lie_on_circle_through_three_points(seed: int) -> None:
 
 
 def test_rejects_invalid_outlines() -> None:
-    """Empty, in two pieces, or crossing themselves."""
+    """Outlines that are empty, in two pieces or cross themselves are errors."""
     for shapes, holes, message in (
         ([shape(box=(0, 0, 1, 1))], [shape(box=(-1, -1, 2, 2))], "expected one connected area"),
         ([shape(box=(0, 0, 1, 1)), shape(box=(2, 0, 3, 1))], [], "expected one connected area, received MultiPolygon"),
@@ -100,7 +100,7 @@ def test_rejects_invalid_outlines() -> None:
 
 
 def test_solid_volumes_match_formulas() -> None:
-    """Closed, wound outwards, between their levels and around their axis."""
+    """Solids are closed, wound outwards, between their levels and around their axis."""
     block = extrude(UNIT_SQUARE, -0.2, 0.3)
     assert block.volume == pytest.approx(0.5) and np.allclose(block.bounds, [[0, 0, -0.2], [1, 1, 0.3]])
     for sides in (5, 64):
@@ -179,7 +179,7 @@ SAMPLE_POINTS = np.concatenate([SAMPLE_POINTS, SAMPLE_POINTS / 20.0])
 
 
 def test_height_functions_match_profiles() -> None:
-    """Along a direction, around a centre, and waves; they are added to the level and to each other."""
+    """Heights along a direction, around a centre and of waves are added to the level and to each other."""
     profile = ((-1.0, 0.1), (0.5, 0.4), (2.0, -0.2))
     distance = np.cos(np.radians(30)) * (SAMPLE_POINTS[:, 0] - 0.5) + np.sin(np.radians(30)) * (
         SAMPLE_POINTS[:, 1] - 0.2
@@ -271,28 +271,28 @@ def test_cutting_cup_into_mesh_removes_pocket_volume() -> None:
         cut_cup_into_mesh(floor, Cup((0.7, 0.4, 0.01), 0.06), [])
 
 
-def hole(**part: Any) -> Trimesh:
+def part_mesh(**part: Any) -> Trimesh:
     """Return the mesh of a part next to a lane."""
     mesh = CourseBuilder("one", tee=(0.3, 0.5)).add("lane", outline=LANE_OUTLINE).add(**part).course().parts[-1].mesh
     return Trimesh(mesh.vertices, mesh.faces)
 
 
 def test_parts_are_rotated_then_moved() -> None:
-    """Counter-clockwise seen from above, about their own origin."""
-    box = hole(kind="box", at=(1.5, 0.5, 0.2), size=(0.4, 0.2, 0.1), turn=90)
+    """Rotation is counter-clockwise seen from above, about the origin of the part."""
+    box = part_mesh(kind="box", at=(1.5, 0.5, 0.2), size=(0.4, 0.2, 0.1), turn=90)
     assert np.allclose(box.bounds, [[1.4, 0.3, 0.15], [1.6, 0.7, 0.25]])
-    tilted = hole(kind="box", at=(1.5, 0.5, 0.2), size=(0.4, 0.2, 0.1), turn=30)
+    tilted = part_mesh(kind="box", at=(1.5, 0.5, 0.2), size=(0.4, 0.2, 0.1), turn=30)
     tip = np.array([0.2, 0.1]) @ [
         [math.cos(math.pi / 6), math.sin(math.pi / 6)],
         [-math.sin(math.pi / 6), math.cos(math.pi / 6)],
     ]
     assert np.hypot(*(tilted.vertices[:, :2] - [1.5, 0.5] - tip).T).min() < 1e-9
-    ball = hole(kind="sphere", at=(1.5, 0.5, 0.3), radius=0.2)
+    ball = part_mesh(kind="sphere", at=(1.5, 0.5, 0.3), radius=0.2)
     assert np.linalg.norm(ball.vertices - [1.5, 0.5, 0.3], axis=1) == pytest.approx(np.full(len(ball.vertices), 0.2))
 
 
 def test_builder_accepts_cup_record_and_mesh_folder(tmp_path: Path) -> None:
-    """Errors name the course."""
+    """A builder takes a cup as a table and a folder of mesh files; errors name the course."""
     trimesh.creation.box((0.2, 0.2, 0.2)).export(tmp_path / "stone.obj")
     builder = CourseBuilder("own", tee=(0.3, 0.5), cup={"position": (2.5, 0.5, 0.0), "radius": 0.06, "depth": 0.09})
     builder.add("lane", outline=LANE_OUTLINE).add("mesh", file="stone.obj", at=(1.5, 0.5, 0.1))
@@ -303,7 +303,7 @@ def test_builder_accepts_cup_record_and_mesh_folder(tmp_path: Path) -> None:
 
 
 def test_default_bounds_enclose_lanes_with_borders() -> None:
-    """From 0.3 m below to 2 m above the floors; around all meshes if there is no lane."""
+    """Bounds are from 0.3 m below to 2 m above the floors, or around all meshes if there is no lane."""
     builder = CourseBuilder("two", tee=(0.3, 0.5)).add("lane", outline=LANE_OUTLINE, border=0.1)
     builder.add("lane", outline=[{"box": (3.5, 0, 4.5, 1)}], level=0.5, border=0.2)
     assert np.allclose(builder.course().bounds, [(-0.1, -0.2, -0.3), (4.7, 1.2, 2.5)])
@@ -325,7 +325,7 @@ def test_default_bounds_enclose_lanes_with_borders() -> None:
     ],
 )
 def test_rejects_cup_under_obstacle(part: dict[str, Any]) -> None:
-    """Nor so near that it would cut into it; over a block that ends below the floor it is accepted."""
+    """An obstacle that the cup would cut into is an error; a block that ends below the floor is not."""
     for x, message in ((2.5, "cup position"), (2.36, "cup radius: expected less than"), (2.2, "")):
         builder = CourseBuilder("post", tee=(0.4, 0.5), cup=(x, 0.5, 0.0)).add("lane", outline=LANE_OUTLINE).add(**part)
         if message:
@@ -352,7 +352,7 @@ def test_rejects_cup_under_obstacle(part: dict[str, Any]) -> None:
 
 
 def test_part_appearance_overrides_that_of_its_surface() -> None:
-    """Hexadecimal colours become fractions of 255; a border has a colour of its own."""
+    """Hexadecimal colours become fractions of 255; a border has a separate colour."""
     builder = CourseBuilder("red", tee=(0.3, 0.5)).surface("rubber", damping=0.9, material="stone", color="#102030")
     builder.add("lane", outline=LANE_OUTLINE, border_color="#ff8000", name="way")
     builder.add("box", at=(1, 0.5, 0.1), size=(0.1, 0.1, 0.2), surface="rubber")
@@ -370,7 +370,7 @@ def test_part_appearance_overrides_that_of_its_surface() -> None:
 
 
 def test_inline_mesh_is_validated() -> None:
-    """Indices of existing vertices, coordinates within a kilometre, at least one face."""
+    """Indices must be those of vertices, coordinates within a kilometre, and there must be a face."""
     from minigolf_env.courses.schema.parts import MeshPart
 
     box = trimesh.creation.box((1, 1, 1))
@@ -430,7 +430,7 @@ TUNNEL_PART = {"kind": "tunnel", "start": (1, 0.5), "end": (2, 0.5), "height": 0
     ],
 )
 def test_error_says_why_part_cannot_be_built(part: dict[str, Any], message: str, tmp_path: Path) -> None:
-    """Ramps without length, doors wider than their house, meshes far away or without triangles."""
+    """Ramps without length, doors wider than their house, meshes far away or without triangles are errors."""
     trimesh.creation.box((1, 1, 1), np.diag([1, 1, 1, 1]) + 2000.0 * np.eye(4, k=3)).export(tmp_path / "far.obj")
     (tmp_path / "none.glb").write_bytes(write_scene([SceneObject("nothing", (0.0, 0.0, 0.0), {}, None, None)], {}))
     with pytest.raises(CourseError, match=f"part '.* 2': .*{message}"):
@@ -439,7 +439,7 @@ def test_error_says_why_part_cannot_be_built(part: dict[str, Any], message: str,
 
 @pytest.mark.parametrize("turn", [0, 90, 180, -90])
 def test_lane_with_heights_has_its_thickness_below_lowest_point(turn: int) -> None:
-    """Wherever along the lane the lowest point is."""
+    """The lowest point may be anywhere along the lane."""
     dip = [{"kind": "along", "at": (1.5, 0.5), "turn": turn, "profile": [(0.2, 0.0), (0.4, -0.2)]}]
     for level in (0.0, 0.3):
         lane = CourseBuilder("dip", tee=(1.5, 0.5)).add(
@@ -449,7 +449,7 @@ def test_lane_with_heights_has_its_thickness_below_lowest_point(turn: int) -> No
 
 
 def test_part_named_like_tee_is_renamed_in_glb(tmp_path: Path) -> None:
-    """In the file its name begins with "part"; the tee stays the tee."""
+    """In the file the part's name begins with "part", and only the tee is read as the tee."""
     builder = CourseBuilder("one", tee=(0.3, 0.5)).add("lane", outline=LANE_OUTLINE)
     builder.add("box", name="Tee post", at=(1.5, 0.5, 0.1), size=(0.1, 0.1, 0.3))
     (tmp_path / "one.glb").write_bytes(to_glb(builder.course()))
@@ -459,13 +459,13 @@ def test_part_named_like_tee_is_renamed_in_glb(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("side", [(0, 0), (1, 0), (0, 1), (-1, 0), (0, -1)])
 def test_cup_needs_level_ground_at_centre_and_sides(side: tuple[int, int]) -> None:
-    """At any level, but not with a bump in its centre or on any side of its wall."""
+    """The ground may have any level, but no bump in the cup's centre or on a side of its wall."""
     x, y = (at + (Cup.radius + CUP_LINER_THICKNESS) * delta for at, delta in zip((1.5, 0.5), side, strict=True))
 
     def course(up: float) -> Course:
         bump = {"kind": "radial", "at": (x, y), "profile": [(0, up), (0.5 * CUP_LINER_THICKNESS, 0)]}
-        hole = CourseBuilder("bump", tee={"at": (0.4, 0.5), "height": 0.3}, cup=(1.5, 0.5, 0.3), par=2)
-        return hole.add("lane", outline=LANE_OUTLINE, level=0.3, heights=[bump]).course()
+        builder = CourseBuilder("bump", tee={"at": (0.4, 0.5), "height": 0.3}, cup=(1.5, 0.5, 0.3), par=2)
+        return builder.add("lane", outline=LANE_OUTLINE, level=0.3, heights=[bump]).course()
 
     assert course(0.0).cup is not None
     with pytest.raises(CourseError, match="cup position: expected a place on a lane, at its level"):

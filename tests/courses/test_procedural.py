@@ -96,7 +96,7 @@ def test_level_surfaces_equal_builtin_surfaces_of_course_files(name: str, surfac
 
 
 def test_another_process_generates_same_level() -> None:
-    """Whatever its hash seed, and without importing mesh libraries, which load slowly."""
+    """A process with another hash seed, which imports no mesh library, gives the same bits."""
     code = (
         "import sys; from minigolf_env.courses.procedural.level import build_level;"
         "import hashlib; course = build_level('hard', 5);"
@@ -109,7 +109,7 @@ def test_another_process_generates_same_level() -> None:
 
 
 def test_par_grows_with_number_of_legs() -> None:
-    """Two for one leg, one more for every two further legs, four at most."""
+    """Par is two for one leg, one more for every two further legs, and four at most."""
     legs = set()
     for difficulty, level in itertools.product(DIFFICULTY_NAMES, range(8)):
         layout = generate_layout(difficulty, PortableRng(GENERATOR_VERSION, DIFFICULTY_NAMES.index(difficulty), level))
@@ -126,7 +126,7 @@ def test_levels_differ_by_number_and_difficulty() -> None:
 
 @pytest.mark.parametrize(("difficulty", "level"), LEVEL_PARAMS)
 def test_level_parts_are_closed_solids(difficulty: str, level: int) -> None:
-    """Watertight and wound outwards; the ball fits on the tee and into the cup."""
+    """Parts are watertight and wound outwards; the ball fits on the tee and into the cup."""
     course = load_course(level_name(difficulty, level))
     for part in course.parts:
         solid = trimesh.Trimesh(part.mesh.vertices, part.mesh.faces)
@@ -150,7 +150,7 @@ def test_lane_does_not_overlap_itself(difficulty: str) -> None:
 
 @pytest.mark.parametrize(("difficulty", "level"), LEVEL_PARAMS)
 def test_floor_covers_lane_exactly_once(difficulty: str, level: int) -> None:
-    """Seen from above its faces fill the outline except for the hole, without overlaps or gaps."""
+    """Seen from above the floor's faces fill the outline except for the hole, without overlaps or gaps."""
     layout = generate_layout(difficulty, PortableRng(GENERATOR_VERSION, DIFFICULTY_NAMES.index(difficulty), level))
     outline = shapely.Polygon([layout.lane.points[k][:2] for k in layout.lane.boundary()])
     floor, cup = build_level(difficulty, level).parts[:2]
@@ -198,7 +198,7 @@ def test_cup_radius_changes_only_cup_and_floor() -> None:
 
 
 def test_levels_load_by_name() -> None:
-    """By the name that info contains; the cache holds a usual training set."""
+    """A level loads by the name in info; the cache holds a usual training set."""
     course = load_course(f"procedural-v{GENERATOR_VERSION}-easy-17")
     assert course.name == f"procedural-v{GENERATOR_VERSION}-easy-17"
     assert load_course(course.name) is course

@@ -41,7 +41,7 @@ def same_physics(a: Course, b: Course) -> bool:
 
 @pytest.mark.parametrize("name", ["dogleg", "room", "gap", "loop"])
 def test_course_survives_toml_round_trip_bitwise(name: str, tmp_path: Path) -> None:
-    """Course -> TOML -> Course."""
+    """A course that is written as TOML and read has the same bits."""
     course = load_course(name)
     (tmp_path / "copy.toml").write_text(to_toml(course))
     assert same_physics(course, load_course(tmp_path / "copy.toml"))
@@ -49,13 +49,13 @@ def test_course_survives_toml_round_trip_bitwise(name: str, tmp_path: Path) -> N
 
 @pytest.mark.parametrize("name", [*list_courses(), "room"])
 def test_description_survives_toml_round_trip(name: str) -> None:
-    """Description -> TOML -> description."""
+    """A description that is written as TOML and read is equal."""
     file = parse_description((DATA_DIR / f"{name}.toml").read_text())
     assert parse_description(to_toml(file)) == file
 
 
 def test_builder_gives_same_course_as_file_it_saves(tmp_path: Path) -> None:
-    """With a surface of its own; unknown kinds of parts are errors."""
+    """The course has a surface that the file describes; unknown kinds of parts are errors."""
     hole = CourseBuilder("post", tee=(0.4, 0.5), cup=(2.5, 0.5, 0.0), top_speed=5.0)
     hole.surface("rubber", damping=0.9)
     hole.add("lane", outline=[{"box": (0, 0, 3, 1)}])
@@ -96,7 +96,7 @@ PARTS = [
 
 @pytest.mark.parametrize("part", PARTS, ids=lambda part: part["kind"])
 def test_every_kind_of_part_is_solid_and_traps_no_ball(part: dict[str, object]) -> None:
-    """Closed, wound outwards, in the way, and balls thrown at it come to rest outside of it."""
+    """Parts are closed and wound outwards, and balls thrown at them come to rest outside."""
     course = CourseBuilder("one", tee=(0.3, 0.5)).add("lane", outline=[{"box": (0, 0, 3, 1)}]).add(**part).course()
     solids = course.parts[2:]
     assert solids and all(solid.mesh.is_closed and solid.mesh.volume > 0.0 for solid in solids)
@@ -110,7 +110,7 @@ def test_every_kind_of_part_is_solid_and_traps_no_ball(part: dict[str, object]) 
 
 
 def test_floor_follows_its_height_profile() -> None:
-    """Between rounded corners it is linear, and where the profile is level it is exactly level."""
+    """A floor is linear between rounded corners, and exactly level where the profile is level."""
     heights = [{"kind": "along", "profile": [(1, 0), (2, 0.2)], "rounding": 0.1}]
     hole = CourseBuilder("slope", tee=(0.3, 0.5)).add(
         "lane", outline=[{"box": (0, 0, 3, 1)}], heights=heights, border=0
@@ -172,7 +172,7 @@ def large_polygons(number: int) -> str:
 
 
 def test_rejects_broken_and_huge_files_with_little_memory(tmp_path: Path) -> None:
-    """The limits can be changed by the caller."""
+    """Files beyond the limits are errors, and the caller can change the limits."""
     cases = {
         "deep.toml": "x = " + "[" * 100_000,
         "deeper.toml": "name = " + "{ a = " * 3000 + "1" + "}" * 3000,
@@ -274,7 +274,7 @@ def fuzz(count: int, seed: int) -> tuple[int, int]:
 
 
 def test_mutated_files_load_or_raise_course_error() -> None:
-    """No other exception is raised, and memory stays bounded."""
+    """Changed bytes in a course file raise no other exception, and memory stays bounded."""
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     rejected, loaded = fuzz(NUM_MUTATIONS, seed=0)
     assert rejected > NUM_MUTATIONS // 4 and loaded > 100
@@ -282,7 +282,7 @@ def test_mutated_files_load_or_raise_course_error() -> None:
 
 
 def test_written_toml_is_valid() -> None:
-    """The standard library reads it."""
+    """The standard library reads written TOML."""
     assert tomllib.loads(to_toml(load_course("dogleg")))["name"] == "dogleg"
 
 

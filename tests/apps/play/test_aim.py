@@ -54,7 +54,7 @@ def test_ball_behind_the_camera_is_aimed_along_the_line_of_sight() -> None:
 
 
 def test_turning_keeps_power_and_more_power_keeps_direction() -> None:
-    """The power stays between its bounds."""
+    """Power stays between its bounds when it changes, and turns keep it."""
     aim = aim_along_view(player_camera(), 0.5)
     assert aim.turned(90.0).power == pytest.approx(0.5)
     assert aim.turned(90.0).direction @ aim.direction == pytest.approx(0.0, abs=1e-12)

@@ -86,7 +86,7 @@ def test_next_hole_starts_with_a_clear_row_and_no_undo(tmp_path: Path) -> None:
 
 
 def test_round_has_nine_holes(tmp_path: Path) -> None:
-    """A game that starts at a hole goes through all bundled holes instead."""
+    """A game that starts at a single hole continues through all bundled holes."""
     golf = GolfRound("round", BestScores(tmp_path / "scores.json"))
     assert (golf.hole, golf.holes, len(golf.card.pars)) == ("straight", list(ROUND_HOLES), 9)
     for _ in range(9):
@@ -136,7 +136,7 @@ def test_rejects_opponents_putt_without_an_opponent(tmp_path: Path) -> None:
 
 
 def test_prediction_ends_shortly_after_the_first_bounce(tmp_path: Path) -> None:
-    """It equals the full path up to the border and ends within PREDICTION_AFTER_BOUNCE."""
+    """The prediction equals the full path up to the border and ends within PREDICTION_AFTER_BOUNCE."""
     golf = new_round(tmp_path)
     aim = Aim(0.0, 0.5)  # Perpendicular to a border.
     prediction = golf.predict_path(aim)

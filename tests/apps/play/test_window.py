@@ -40,7 +40,7 @@ def move_to_ball(game: GameDriver) -> tuple[int, int]:
 
 @needs_desktop
 def test_plays_a_hole_with_mouse_and_keys(display: str, tmp_path: Path) -> None:
-    """Aim, cancel, putt, replay, undo, hint, hole out, score card, resize, next hole, full screen, quit."""
+    """Mouse and keys aim, cancel, putt, replay, undo, hint, hole out, resize, start the next hole and quit."""
     with GameDriver(display, tmp_path) as game:
         x, y = move_to_ball(game)
         for cancel in (lambda: game.xdotool("click", 3), lambda: game.move(x, y + 4)):
