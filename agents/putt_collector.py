@@ -29,10 +29,10 @@ LOG_ROLL_STD_RANGE = (0.01, 0.5)
 
 
 class PuttCollector:
-    """Plays batches of environments, and simulates candidate putts from each ball position on the way.
+    """Plays putts in vector environments, and simulates candidate putts from each ball position.
 
     Args:
-        envs: native batches of environments with observation "bounce_rays".
+        envs: vector environments with observation "bounce_rays".
         rng: random generator.
         num_candidates: number of putts simulated from each ball position; one of them is played.
         greedy_prob: probability that the greedy candidate is played; otherwise it is a random one of the candidates.
@@ -53,21 +53,21 @@ class PuttCollector:
         self._num_candidates = num_candidates
         self._greedy_prob = greedy_prob
         self._putt_noise = putt_noise
-        self._observations = [batch.reset(seed=int(rng.integers(2**31)))[0] for batch in envs]
+        self._observations = [vector_env.reset(seed=int(rng.integers(2**31)))[0] for vector_env in envs]
 
     def collect(self, q_function: PuttValueModel) -> tuple[Array, Array]:
-        """Simulate candidates from all balls and play one of each ball's.
+        """Simulate candidate putts from the ball position in each environment, and play one of them.
 
         Returns:
-            The features (N, NUM_FEATURES) of all candidates and their targets (N, 2): whether the putt holes out, and
-            the strokes that remain if it does not, as the potential of the shaped reward estimates them.
+            The features (N, NUM_FEATURES) of all candidates and their targets (N, 2): 1 if the putt holes out, else 0;
+            and the strokes that remain if it does not, as the potential of the shaped reward estimates them.
         """
         parts = [self._collect_from_batch(q_function, k) for k in range(len(self._envs))]
         features, targets = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
         return features, targets
 
     def _collect_from_batch(self, q_function: PuttValueModel, k: int) -> tuple[Array, Array]:
-        """Do the same in batch ``k`` of the environments."""
+        """Simulate candidates and play one in each environment of ``envs[k]``; return features and targets."""
         rng = self._rng
         envs = self._envs[k].unwrapped
         observations = self._observations[k]
@@ -104,7 +104,10 @@ class PuttCollector:
         return np.where(is_close, directions, random_directions), np.where(is_close, rolls, random_rolls)
 
     def _add_putt_noise(self, directions: NDArray[Any], rolls: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
-        """Return putts with the noise of ``putt_noise``, which ``what_if`` does not add."""
+        """Return directions and rolls with putt noise, which ``what_if`` does not add.
+
+        As in ``TaskBatch.launch_velocity`` the noise turns the putt and scales its speed; roll grows as speed squared.
+        """
         degrees, speed_std = self._putt_noise
         direction_noise, speed_noise = self._rng.normal(size=(2, *rolls.shape))
         speed_factors = np.maximum(0.0, 1.0 + speed_std * speed_noise)

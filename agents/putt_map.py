@@ -104,8 +104,8 @@ def describe_inputs(config: PuttMapConfig, course: Course) -> dict[str, Any]:
     return dict(json.loads(json.dumps(inputs | {"version": __version__})))
 
 
-def claim_folder(config: PuttMapConfig, course: Course, folder: Path) -> None:
-    """Create the folder, or check that its files are of the same putts.
+def create_or_check_folder(config: PuttMapConfig, course: Course, folder: Path) -> None:
+    """Create the folder with putts.json, or check that an existing folder has the same putts.
 
     Raises:
         SystemExit: the folder has files of other putts.
@@ -201,7 +201,7 @@ def main(config: PuttMapConfig) -> Arrays:
         raise SystemExit(str(error)) from None
     folder = config.out or Path("runs") / f"{course.name}-map"
     try:
-        claim_folder(config, course, folder)
+        create_or_check_folder(config, course, folder)
     except OSError as error:
         raise SystemExit(f"out: expected a folder to write to, received {error}") from None
 

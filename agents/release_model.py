@@ -1,4 +1,4 @@
-"""Turn the best model of a training run into a pretrained model of the package: "ppo", or "generalist".
+"""Turn the best model of a training run into a pretrained model of the package, "ppo" or "generalist".
 
 ``python -m agents.release_model runs/dogleg-1`` writes minigolf_env/players/pretrained/dogleg.npz and its model card
 dogleg.json: training command, scores and SHA-256. For a run of train_generalist the files are procedural.npz and
@@ -67,7 +67,7 @@ def main(config: ReleaseConfig) -> None:
     # Write the model to a temporary file: the present one stays until the new one is evaluated.
     with atomic_write(model_path) as temporary_file:
         model = load_model(config.run / ("best.npz" if is_generalist else "best.zip"))
-        # The generalist has ten times the weights, so it is stored in half precision.
+        # The generalist has 18 times as many weights, so it is stored in half precision.
         save_model(model, temporary_file, np.float16 if is_generalist else np.float32)
         size = temporary_file.stat().st_size
         if size > MAX_PRETRAINED_BYTES:

@@ -1,9 +1,10 @@
-"""Evaluation of a training run: its checkpoints on fixed episodes, and the closing table of its best model."""
+"""Evaluation of a training run: its checkpoints on fixed episodes, and at the end its best model on others."""
 
 from __future__ import annotations
 
 import dataclasses
 import json
+import math
 import time
 from pathlib import Path
 
@@ -93,7 +94,7 @@ class EvalCheckpointCallback(BaseCallback):
         return True
 
     def _on_rollout_start(self) -> None:
-        # Between an update and the next rollout, when the saved model is the one that the next rollout is played with.
+        # Save between an update and the next rollout: the saved model is the one that plays this rollout.
         if self.num_timesteps - self.last_saved >= self.config.eval_freq:
             self.save_and_evaluate()
 
@@ -118,25 +119,25 @@ class EvalCheckpointCallback(BaseCallback):
 def finish_run(
     config: TrainConfig, name: str, policy: Policy, model_path: Path, started: float
 ) -> list[EvaluationResult]:
-    """Evaluate random play, search and the best model on the same episodes; store and print the closing tables.
+    """Evaluate random play, search and the best model on the same episodes; store and print the results.
 
     Args:
         config: configuration of the run.
         name: name of the model in the tables.
-        policy: plays the best model.
-        model_path: its file in the run folder.
+        policy: policy that plays the best model.
+        model_path: file of the best model in the run folder.
         started: start of the run, by ``time.monotonic``.
     """
     folder = model_path.parent
-    players = {
-        "random": (load_policy("random"), -(-config.n_test_episodes // 10)),
-        "search": (load_policy("search"), config.n_search_episodes),
-        name: (policy, config.n_test_episodes),
-    }
+    entries: list[tuple[str, Policy, int]] = [
+        ("random", load_policy("random"), math.ceil(config.n_test_episodes / 10)),
+        ("search", load_policy("search"), config.n_search_episodes),
+        (name, policy, config.n_test_episodes),
+    ]
     tables = [
         [
-            evaluate(player, player_name, **task, episodes=episodes)
-            for player_name, (player, episodes) in players.items()
+            evaluate(evaluated, label, **task, episodes=episodes)
+            for label, evaluated, episodes in entries
             if episodes > 0
         ]
         for task in config.eval_tasks

@@ -21,10 +21,10 @@ class SB3VecEnv(VecEnv):
     """Gymnasium vector environment in SameStep mode as a VecEnv.
 
     Args:
-        envs: the batch; the adapter owns it and closes it.
+        envs: vector environment; the adapter owns it and closes it.
 
     Raises:
-        ValueError: the batch has another autoreset mode, which would mix transitions of two episodes.
+        ValueError: it has another autoreset mode, which would mix transitions of two episodes.
     """
 
     def __init__(self, envs: gym.vector.VectorEnv[Any, Any, Any]) -> None:
@@ -62,7 +62,7 @@ class SB3VecEnv(VecEnv):
         return np.asarray(observations), rewards.astype(np.float32), dones, info_list
 
     def close(self) -> None:
-        """Close the batch."""
+        """Close the vector environment."""
         self.envs.close()
 
     def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
@@ -85,7 +85,7 @@ class SB3VecEnv(VecEnv):
     def env_is_wrapped(
         self, wrapper_class: type[gym.Wrapper[Any, Any, Any, Any]], indices: VecEnvIndices = None
     ) -> list[bool]:
-        """Return False for each selected environment: a native batch has no wrappers around its environments."""
+        """Return False for each selected environment: a vector environment has no wrappers around the single ones."""
         return [False] * len(list(self._get_indices(indices)))
 
     def get_images(self) -> Sequence[np.ndarray | None]:
@@ -95,6 +95,6 @@ class SB3VecEnv(VecEnv):
 
 
 def _split_infos(infos: dict[str, Any], rows: NDArray[np.int64]) -> list[dict[str, Any]]:
-    """Return the info dicts of some environments of a batch, with plain Python values."""
+    """Return the info dicts of some of the environments, with plain Python values."""
     columns = {key: values[rows].tolist() for key, values in infos.items() if key[0] != "_"}
     return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]

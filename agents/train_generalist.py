@@ -6,16 +6,15 @@ hundred candidates.
 
 Training is Monte-Carlo regression on single putts (a contextual bandit): from each ball position ``what_if`` simulates
 many candidates, namely the greedy one, others close to it, and random ones; all of them go into the replay buffer, and
-one of them is played. There is no policy gradient: which of several ways to the cup is best changes from level to
-level, and a Q-function can represent several good ways, where the mean of a Gaussian policy ends between them.
+one of them is played. There is no policy gradient: action values are multimodal, and the best mode changes from level
+to level. A Q-function can represent all modes, where the mean of a Gaussian policy averages them.
 
 ``python -m agents.train_generalist`` trains; ``minigolf benchmark --policy runs/procedural-1/best.npz`` compares the
-model with search on fixed sets of levels. docs/training.md says what it reaches.
+model with search on fixed sets of levels. docs/training.md has the results.
 """
 
 from __future__ import annotations
 
-import itertools
 import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -28,6 +27,7 @@ import tyro
 from numpy.typing import NDArray
 from rich.progress import MofNCompleteColumn, Progress
 from stable_baselines3.common.logger import configure
+from stable_baselines3.common.torch_layers import create_mlp
 from torch.nn.functional import binary_cross_entropy_with_logits, mse_loss, softplus
 
 from agents.putt_collector import PuttCollector
@@ -51,7 +51,7 @@ class GeneralistConfig(TrainConfig):
 
     course: str = PROCEDURAL_COURSE
     difficulties: tuple[str, ...] = ("easy", "medium", "medium")
-    """Difficulties of the levels; one that is named twice has twice as many training environments."""
+    """Difficulties of the levels; naming one twice doubles its number of training environments."""
     num_levels: int | None = 500_000
     observation: str = "bounce_rays"
     total_timesteps: int = 2_000_000
@@ -68,6 +68,7 @@ class GeneralistConfig(TrainConfig):
     replay_ratio: float = 16.0
     """Average number of times that a putt is sampled from the replay buffer."""
     batch_size: int = 2048
+    """Number of putts in a minibatch."""
     learning_rate: float = 2e-3
     """Initial learning rate; falls linearly to 0."""
     net_arch: tuple[int, ...] = (192, 192, 192)
@@ -107,7 +108,7 @@ class ReplayBuffer:
         self._num_added = 0
 
     def add(self, features: Array, targets: Array) -> None:
-        """Add the features (N, NUMBERS) and the targets (N, 2) of putts, in place of the oldest ones."""
+        """Add the features (N, NUM_FEATURES) and the targets (N, 2) of putts, in place of the oldest ones."""
         rows = (self._num_added + np.arange(len(features))) % len(self._features)
         self._features[rows] = features
         self._targets[rows] = targets
@@ -134,7 +135,7 @@ class QLearner:
         self.config = config
         self.folder = folder
         self.history = EvaluationHistory(config, folder)
-        self.net = make_mlp((NUM_FEATURES, *config.net_arch, 2))
+        self.net = torch.nn.Sequential(*create_mlp(NUM_FEATURES, 2, list(config.net_arch)))
         self.optimizer = torch.optim.AdamW(self.net.parameters(), config.learning_rate, weight_decay=1e-3)
         self.num_timesteps = 0
         if self.checkpoint_path.is_file():
@@ -260,14 +261,8 @@ class QLearner:
         self.logger.dump(self.num_timesteps)
 
 
-def make_mlp(sizes: tuple[int, ...]) -> torch.nn.Sequential:
-    """Return a multilayer perceptron with ReLU between its layers."""
-    layers = [(torch.nn.Linear(*pair), torch.nn.ReLU()) for pair in itertools.pairwise(sizes)]
-    return torch.nn.Sequential(*list(itertools.chain(*layers))[:-1])
-
-
 def main(config: GeneralistConfig) -> list[EvaluationResult]:
-    """Train one model, evaluate its best checkpoint, and print a closing table for each difficulty.
+    """Train one model, evaluate its best checkpoint, and print a table of the results for each difficulty.
 
     Raises:
         SystemExit: an argument is invalid, or the run was interrupted; the message is one line.

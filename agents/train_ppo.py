@@ -1,7 +1,7 @@
 """Train stable-baselines3's PPO on a hole, and end with a table: random, search, PPO.
 
 ``python -m agents.train_ppo`` starts a run, ``--resume runs/dogleg-1`` resumes one after an interruption, and
-``tensorboard --logdir runs`` shows the learning curves. docs/training.md says which settings matter and why.
+``tensorboard --logdir runs`` shows the learning curves. docs/training.md explains the settings that matter.
 """
 
 from __future__ import annotations
@@ -33,6 +33,7 @@ MAX_STROKES_ABOVE_SEARCH = 0.1
 """Largest difference of mean strokes between the agent and search with which a hole counts as learned."""
 
 TORCH_ACTIVATIONS = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU}
+"""Class of each activation function of ``PPOConfig``."""
 
 
 @dataclass(frozen=True)
@@ -42,15 +43,19 @@ class PPOHyperparameters(TrainConfig):
     n_steps: int = 1
     """Number of putts in each environment between two updates."""
     batch_size: int = 256
+    """Number of putts in a minibatch."""
     n_epochs: int = 6
+    """Maximum number of passes over the putts of an update."""
     target_kl: float = 0.1
     """KL divergence beyond which an update ends early (in RLlib: target of the adaptive KL penalty)."""
     learning_rate: float = 2e-3
     """Initial learning rate; falls linearly to 0."""
     gamma: float = 0.5
-    """Discount; the shaped reward already tells most of what a putt is worth."""
+    """Discount factor; small, as the immediate shaped reward approximates the action value."""
     gae_lambda: float = 0.5
+    """Lambda of the generalized advantage estimate."""
     clip_range: float = 0.2
+    """Largest change of a putt's probability ratio that the clipped objective rewards."""
     log_std_init: float = -1.9
     """Initial logarithm of the action noise's standard deviation, in units of the top speed."""
     log_std_final: float = -5.0
@@ -59,7 +64,7 @@ class PPOHyperparameters(TrainConfig):
     """Sizes of the hidden layers."""
 
     def log_std_at(self, timesteps: int) -> float:
-        """Return the logarithm of the noise's standard deviation that the linear schedule has after some time steps."""
+        """Return the logarithm of the noise's standard deviation after some time steps of the linear schedule."""
         progress = min(1.0, timesteps / self.total_timesteps)
         return self.log_std_init + progress * (self.log_std_final - self.log_std_init)
 
@@ -73,6 +78,7 @@ class PPOConfig(PPOHyperparameters):
     ent_coef: float = 0.0
     """Weight of the entropy bonus; without effect on annealed noise."""
     activation_fn: Literal["tanh", "relu"] = "tanh"
+    """Activation function of the hidden layers."""
     max_runs: int = 1
     """Maximum number of runs: while a run ends more than 0.1 strokes above search, start another with the next seed."""
 
@@ -130,7 +136,7 @@ def make_model(config: PPOConfig, envs: VecMonitor, policy: str = "MlpPolicy", *
 
 
 def main(config: PPOConfig) -> list[EvaluationResult]:
-    """Train one model, evaluate its best checkpoint, and print the closing table.
+    """Train one model, evaluate its best checkpoint, and print a table of the results.
 
     Raises:
         SystemExit: an argument is invalid, or the run was interrupted; the message is one line.
@@ -179,9 +185,11 @@ def train_until_learned(config: PPOConfig) -> list[EvaluationResult]:
         if run > 0 and out is not None:
             out = out.with_name(f"{out.name}-{run + 1}")
         scores = main(replace(config, seed=seed, out=out))
-        excess = scores[-1].strokes - scores[-2].strokes
-        is_last = run + 1 == config.max_runs or config.resume is not None
-        if is_last or excess <= MAX_STROKES_ABOVE_SEARCH:
+        if run + 1 == config.max_runs or config.resume is not None:
+            break
+        strokes = {score.policy: score.strokes for score in scores}
+        excess = strokes["PPO"] - strokes["search"]
+        if excess <= MAX_STROKES_ABOVE_SEARCH:
             break
         RICH_CONSOLE.print(
             f"Seed {seed} got stuck {excess:.2f} strokes above search: starting again with seed {seed + 1}."

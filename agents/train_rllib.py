@@ -63,9 +63,9 @@ class RLlibConfig(PPOHyperparameters):
     num_env_runners: int = 2
     """Number of sampling processes, one core each; Ray spreads them over the nodes and replaces those that die."""
     n_envs: int = 256
-    """Number of environments in each sampling process, stepped as one batch."""
+    """Number of environments in the vector environment of each sampling process."""
     num_learners: int = 0
-    """Number of learning processes, one core each, with equal shares of the batch; 0 learns in this program."""
+    """Number of learning processes, one core each, with an equal part of each batch; 0 learns in this program."""
 
     @property
     def env_config(self) -> dict[str, Any]:
@@ -265,7 +265,7 @@ def train(config: RLlibConfig, folder: Path) -> None:
 
 
 def main(config: RLlibConfig) -> list[EvaluationResult]:
-    """Train one model, evaluate its best checkpoint, and print the closing table.
+    """Train one model, evaluate its best checkpoint, and print a table of the results.
 
     Raises:
         SystemExit: an argument is invalid, Ray or its cluster is missing, or the run was interrupted; the message is
@@ -276,11 +276,12 @@ def main(config: RLlibConfig) -> list[EvaluationResult]:
     import_ray(address)  # Fails here where Ray is missing, before a folder is created.
     if config.num_env_runners < 1 or config.num_learners < 0:
         raise SystemExit("num_env_runners: expected at least 1; num_learners: at least 0.")
-    if config.observation == "pixels" or config.init_weights is not None:
+    if config.observation == "pixels":
         raise SystemExit(
-            'observation: expected "state" or "rays", and no --init-weights: images and initial weights need '
-            "the programs for one machine."
+            'observation: expected "state", "rays" or "bounce_rays", received "pixels"; use agents.train_pixels.'
         )
+    if config.init_weights is not None:
+        raise SystemExit(f"init_weights: expected none, received {config.init_weights}; use agents.train_ppo.")
     config, folder = start_run(config)
     config = dataclasses.replace(config, address=address)
     train(config, folder)

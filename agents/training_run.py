@@ -5,9 +5,12 @@ A run folder contains
 - ``config.json``: the configuration of the run;
 - ``checkpoint.zip``: the newest model, from which the run resumes;
 - ``best.zip``: the model that needed the fewest strokes in an evaluation;
-- ``progress.json``: the evaluations;
-- ``scores.json``: the closing table;
-- ``log_0``: the TensorBoard log.
+- ``progress.json``: the evaluations of the checkpoints;
+- ``scores.json``: the final evaluation;
+- ``log`` or ``log_0``: the TensorBoard log.
+
+train_generalist writes ``checkpoint.npz`` and ``best.npz`` instead of the .zip files, and resumes from
+``checkpoint.pt``. train_rllib resumes from the folder ``checkpoint-TIMESTEPS``.
 
 Files are written atomically, so that a run that is killed at any moment resumes from its last checkpoint.
 """
@@ -69,7 +72,7 @@ class TrainConfig:
     """Model file of the same program whose weights a new run starts from, for a curriculum from easy to hard."""
 
     n_envs: int = 1024
-    """Number of environments stepped as one batch."""
+    """Number of environments in the vector environment."""
     eval_freq: int = 50_000
     """Number of time steps between two checkpoints; each is evaluated, and the best one is kept."""
     n_eval_episodes: int = 500
@@ -77,9 +80,9 @@ class TrainConfig:
     eval_seed: int = 2_000_000
     """First seed, or first level, of these episodes; the final evaluation uses those from 1,000,000 on."""
     n_test_episodes: int = 1000
-    """Number of episodes in the closing table; random play, which is slow, gets a tenth of them."""
+    """Number of episodes in the final evaluation; random play, which is slow, gets a tenth of them."""
     n_search_episodes: int = 30
-    """Number of episodes of search in the closing table; 0 leaves search out."""
+    """Number of episodes of search in the final evaluation; 0 leaves search out."""
 
     @property
     def task(self) -> dict[str, Any]:
@@ -226,7 +229,7 @@ def save_on_interrupt(folder: Path, save: Callable[[], None] | None = None) -> I
 
 
 def make_vector_env(config: TrainConfig, task: dict[str, Any]) -> gym.vector.VectorEnv[Any, Any, Any]:
-    """Return the native batch of environments for a task."""
+    """Return the vector environment for a task."""
     return gym.make_vec(
         "minigolf_env:MiniGolf-v0",
         num_envs=config.n_envs,
@@ -239,7 +242,7 @@ def make_vector_env(config: TrainConfig, task: dict[str, Any]) -> gym.vector.Vec
 
 
 def make_sb3_envs(config: TrainConfig) -> VecMonitor:
-    """Return the native batch of environments as stable-baselines3's VecEnv, with episode statistics."""
+    """Return the vector environment as stable-baselines3's VecEnv, with episode statistics."""
     return VecMonitor(SB3VecEnv(make_vector_env(config, config.task)))
 
 

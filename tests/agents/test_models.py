@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import dataclasses
+import importlib
 import json
+import shlex
 from pathlib import Path
-from typing import Any
+from typing import Any, get_type_hints
 
 import gymnasium as gym
 import numpy as np
 import pytest
 import torch
+import tyro
 from stable_baselines3 import PPO, SAC
 
 from agents import release_model
@@ -21,7 +24,7 @@ from minigolf_env.evaluation.evaluate import evaluate
 from minigolf_env.players import policies
 from minigolf_env.players.mlp import MLP, Layer
 from minigolf_env.players.model_files import save_model
-from minigolf_env.players.policies import ModelPolicy, SB3Policy, load_policy
+from minigolf_env.players.policies import PRETRAINED_FOLDER, ModelPolicy, SB3Policy, load_policy
 from minigolf_env.players.putt_features import NUM_FEATURES
 from minigolf_env.players.putt_value_model import PuttValueModel
 
@@ -118,3 +121,11 @@ def test_release_of_generalist(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     assert [score["difficulty"] for score in card["scores"]] == ["easy", "easy", "medium", "medium"]
     policy = load_policy("generalist")
     assert isinstance(policy, ModelPolicy) and policy.observation == "bounce_rays" and policy.sha256 == card["sha256"]
+
+
+@pytest.mark.parametrize("path", sorted(PRETRAINED_FOLDER.glob("*.json")), ids=lambda path: path.name)
+def test_command_of_model_card_is_accepted(path: Path) -> None:
+    """The training program parses the command on the card of each pretrained model."""
+    _, _, module, *arguments = shlex.split(json.loads(path.read_text())["command"])
+    config_class = get_type_hints(importlib.import_module(module).main)["config"]
+    assert isinstance(tyro.cli(config_class, args=arguments), config_class)

@@ -1,4 +1,4 @@
-"""The adapter from the native batch to stable-baselines3's VecEnv."""
+"""The adapter from Gymnasium's vector environment to stable-baselines3's VecEnv."""
 
 from __future__ import annotations
 

@@ -104,7 +104,8 @@ def test_stuck_run_is_followed_by_next_seed(
 
     def fake_main(config: PPOConfig) -> list[Any]:
         configs.append(config)
-        return [SimpleNamespace(strokes=strokes) for strokes in (9.0, 1.0, mean_strokes[len(configs) - 1])]
+        strokes = {"random": 9.0, "search": 1.0, "PPO": mean_strokes[len(configs) - 1]}
+        return [SimpleNamespace(policy=policy, strokes=mean) for policy, mean in strokes.items()]
 
     monkeypatch.setattr(train_ppo, "main", fake_main)
     scores = train_ppo.train_until_learned(PPOConfig(seed=5, max_runs=max_runs, out=tmp_path / "run"))

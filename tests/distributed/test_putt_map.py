@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from agents import putt_map
-from agents.putt_map import PuttMapConfig, claim_folder, shard_path, shard_ranges
+from agents.putt_map import PuttMapConfig, create_or_check_folder, shard_path, shard_ranges
 from minigolf_env.apps.putt_map import simulate_putts
 from minigolf_env.envs.task import Result
 from minigolf_env.physics import TriangleMesh
@@ -58,7 +58,7 @@ def test_interrupted_map_equals_map_of_one_process_bitwise(
 
 def test_rejects_folder_of_another_map(config: PuttMapConfig) -> None:
     """A folder has the putts of one grid on one course."""
-    claim_folder(config, putt_map.load_course("dogleg"), config.out or Path())
+    create_or_check_folder(config, putt_map.load_course("dogleg"), config.out or Path())
     with pytest.raises(SystemExit, match="another speeds"):
         putt_map.main(dataclasses.replace(config, speeds=21))
     with pytest.raises(SystemExit, match="another course, shape"):
@@ -85,10 +85,10 @@ def test_rejects_folder_of_changed_course(what: str, tmp_path: Path) -> None:
         "cup": {"cup": dataclasses.replace(cup, radius=0.06)},
         "surfaces": {"parts": (dataclasses.replace(lane, mesh=slow_mesh), *other_parts)},
     }
-    claim_folder(config, course, tmp_path)
-    claim_folder(config, putt_map.load_course("dogleg"), tmp_path)
+    create_or_check_folder(config, course, tmp_path)
+    create_or_check_folder(config, putt_map.load_course("dogleg"), tmp_path)
     with pytest.raises(SystemExit, match=f"with another {what};"):
-        claim_folder(config, dataclasses.replace(course, **changes[what]), tmp_path)
+        create_or_check_folder(config, dataclasses.replace(course, **changes[what]), tmp_path)
 
 
 @pytest.mark.parametrize(
