@@ -32,7 +32,7 @@ class Args:
 
 
 def evaluate_model(model: PPO, name: str, n_eval_episodes: int) -> EvaluationResult:
-    """Evaluate a model in its present state."""
+    """Return the scores of a model with its current weights."""
     with tempfile.TemporaryDirectory() as folder:
         model.save(Path(folder) / "model.zip")
         return evaluate(ModelPolicy(Path(folder) / "model.zip"), name, episodes=n_eval_episodes)

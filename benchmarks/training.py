@@ -1,4 +1,4 @@
-"""Measure what PPO reaches, and the effect of its settings: python -m benchmarks.training.
+"""Measure the strokes that PPO needs after training, and the effect of its settings: python -m benchmarks.training.
 
 Every variant is a command line of agents/train_ppo.py, run as a program for several seeds, and evaluated on the same
 fixed episodes. Prints a table and draws the learning curves to docs/figures/training.png.
@@ -36,7 +36,7 @@ VARIANTS = {
     "annealed noise, discount 0.9": "--anneal-std --gamma 0.9",
     "annealed noise, reward -1 a stroke": "--anneal-std --reward strokes",
     "annealed noise, reward -1 a stroke, discount 0.9": "--anneal-std --reward strokes --gamma 0.9",
-    "annealed noise, one epoch": "--anneal-std --n-epochs 1",
+    "annealed noise, one epoch per update": "--anneal-std --n-epochs 1",
     "annealed noise, learning rate 5e-4": "--anneal-std --learning-rate 5e-4",
     "annealed noise, 600,000 time steps": "--anneal-std --total-timesteps 600_000",
     "annealed noise, target KL 0.2": "--anneal-std --target-kl 0.2",
@@ -72,9 +72,9 @@ class TrainingResult:
     """Outcome of one run."""
 
     seconds: float
-    """Wall-clock time from the start of the process to its end, closing table included, s."""
+    """Wall-clock time from the start of the process to its end, final evaluation included, s."""
     score: dict[str, Any]
-    """Score of the best checkpoint on episodes that did not choose it."""
+    """Score of the best checkpoint in the final evaluation."""
     history: list[dict[str, float]]
     """Evaluations of the checkpoints."""
 
@@ -90,7 +90,8 @@ def train(variant: str, seed: int, options: str) -> TrainingResult:
         seconds = time.perf_counter() - started
         history = json.loads((folder / "progress.json").read_text())
         scores = json.loads((folder / "scores.json").read_text())["scores"]
-    return TrainingResult(seconds, scores[-1], history)
+    ppo_score = next(score for score in scores if score["policy"] == "PPO")
+    return TrainingResult(seconds, ppo_score, history)
 
 
 def draw_learning_curves(results: dict[str, list[TrainingResult]], path: Path) -> None:
@@ -136,8 +137,8 @@ def main(args: Args) -> None:
         finished = executor.map(lambda job: train(*job, args.options), jobs)
         for (variant, seed), result in zip(jobs, tqdm(finished, total=len(jobs)), strict=True):
             results[variant].append(result)
-            strokes, hole_in_one = result.score["strokes"], result.score["hole_in_one"]
-            print(f"{variant}, seed {seed}: {strokes:.3f} strokes, {hole_in_one:.1%} aces, {result.seconds:.0f} s")
+            score = f"{result.score['strokes']:.3f} strokes, {result.score['hole_in_one']:.1%} holes-in-one"
+            print(f"{variant}, seed {seed}: {score}, {result.seconds:.0f} s")
     learned = f"seeds at {MAX_LEARNED_STROKES} or less"
     header = ["variant", learned, "mean strokes, median of seeds", "worst seed", "holes-in-one", "time"]
     print_table(header, [table_row(variant, runs) for variant, runs in results.items()])

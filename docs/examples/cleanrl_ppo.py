@@ -1,6 +1,6 @@
 """PPO in one file, in the manner of CleanRL: ``python -m docs.examples.cleanrl_ppo``.
 
-It trains on the native batch of environments and needs torch in addition to the package. Actions are drawn from a
+It trains on the vector environment and needs torch in addition to the package. Actions are drawn from a
 normal distribution around the network's mean, whose standard deviation decreases on a fixed schedule (docs/training.md
 gives the reason).
 """
