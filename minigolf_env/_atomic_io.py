@@ -25,7 +25,8 @@ def atomic_write(path: str | Path) -> Iterator[Path]:
         path: the file; its folder is created.
 
     Raises:
-        OSError: the file cannot be written; the block was not entered then.
+        OSError: the file cannot be written. It is raised before the block is entered if the folder is not writable, and
+            after the block if flushing or renaming fails.
     """
     target = check_output(path)
     temporary = create_temp_sibling(target)
@@ -74,9 +75,13 @@ def create_temp_sibling(path: Path) -> Path:
 
 
 def remove_stale_temps(folder: Path) -> None:
-    """Remove the temporary files that killed processes left in a folder; no other process may be writing there."""
+    """Remove the temporary files that killed processes left in a folder; no other process may be writing there.
+
+    Folders of such names are left.
+    """
     for temporary in folder.glob(f".*-{'[0-9a-f]' * NUM_SUFFIX_DIGITS}*"):
-        temporary.unlink(missing_ok=True)
+        if not temporary.is_dir():
+            temporary.unlink(missing_ok=True)
 
 
 def commit(temporary: Path, path: Path) -> None:

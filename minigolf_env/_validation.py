@@ -15,7 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 FloatArray = NDArray[np.float64]
 
 MAX_NUMBER = 1e50
-"""Largest number accepted anywhere: the product of six, more than the physics multiplies, stays within float64."""
+"""Largest number accepted anywhere: the product of six, more than the physics multiplies, is at most 1e300 and does not
+overflow float64 (1.8e308)."""
 
 NUMERIC_KINDS = "biufO"
 """Kinds of numpy types that are accepted. numpy would also convert texts and dates, and drop imaginary parts."""
@@ -24,7 +25,18 @@ NUMERIC_KINDS = "biufO"
 def finite_array(
     value: ArrayLike, shape: tuple[int | None, ...], what: str, hint: str, max_number: float = MAX_NUMBER
 ) -> FloatArray:
-    """Return a new float64 array of the given shape (None: any length) with finite numbers, or raise a ValueError."""
+    """Convert an argument to a new float64 array of finite numbers.
+
+    Args:
+        value: the argument.
+        shape: expected shape; None stands for any length.
+        what: name of the argument in error messages.
+        hint: remedy, the end of error messages.
+        max_number: largest magnitude accepted.
+
+    Raises:
+        ValueError: no real numbers, another shape, or a magnitude above ``max_number``.
+    """
     expected = "(" + ", ".join("N" if n is None else str(n) for n in shape) + ("," if len(shape) == 1 else "") + ")"
     try:
         given = np.asarray(value)

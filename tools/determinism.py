@@ -4,8 +4,9 @@ Run: python -m tools.determinism. It plays 1,000 episodes and the golden traject
 batches of several sizes, with one and two threads, each configuration in a process of its own. It compares the hashes
 of all observations, rewards, infos and states with those stored for the version of the environment. It ends with an
 error if one differs: then raise the version of the environment's id in ``minigolf_env/__init__.py``, explain the change
-in CHANGELOG.md, and store the new hashes with ``--write``. The hashes of an unreleased version may be replaced. On a
-machine whose sine has other last bits, "machine" differs too, and some episodes necessarily differ with it.
+in CHANGELOG.md, and store the new hashes with ``--write``. The hashes of an unreleased version may be replaced. If
+"machine" differs too, the mathematical library of this machine rounds sines otherwise than that of the stored hashes:
+differences in episodes then prove nothing. Compare on a machine where "machine" is equal, and store no hashes here.
 
 With ``--batch`` it plays one configuration in this process and prints the hashes. That checks another version of Python
 or Gymnasium, or, with NUMBA_DISABLE_JIT=1, the uncompiled physics.
@@ -61,6 +62,7 @@ EPISODE_KINDS: dict[str, dict[str, Any]] = {
 """Keyword arguments of the environment, by the name of the kind of episode."""
 
 EPISODES_PER_KIND = 100
+"""Number of episodes of each kind that the tool plays."""
 
 TESTED_EPISODES = 10
 """Number of episodes of each kind that tests/test_determinism.py plays."""
@@ -121,7 +123,7 @@ def putt_sequence(seed: int, strokes: int) -> np.ndarray:
 
 
 def play_single(kind: str, seeds: range) -> Iterator[list[Any]]:
-    """Play one episode a seed in a single environment; yield its observations, rewards, ends, infos and states."""
+    """Play one episode per seed in a single environment; yield its observations, rewards, ends, infos and states."""
     options = EPISODE_KINDS[kind]
     env: Any = gym.make(ENV_ID, **options).unwrapped
     for seed in seeds:
@@ -253,7 +255,10 @@ def main(args: Args) -> int:
         return 0 if all_equal else 1
     # Store the new hashes, unless a release has had this version of the environment.
     if stored.get(ENV_ID, expected) != expected and is_released(ENV_ID):
-        print(f"{ENV_ID} is released and keeps its bits: raise the version of the id in minigolf_env/__init__.py.")
+        print(
+            f"{ENV_ID} is released, and its results must not change: raise the version of the id in "
+            "minigolf_env/__init__.py."
+        )
         return 1
     write_text(HASHES_FILE, json.dumps(stored | {ENV_ID: expected}, indent=2) + "\n")
     print(f"Stored. State in CHANGELOG.md, with the reason: {changelog_line(ENV_ID, expected or {})}")

@@ -23,6 +23,7 @@ MAX_GROWTH_MB = 16.0
 """Megabytes that allocators may keep in addition to what they kept after the first tenth."""
 
 BATCH_SIZE = 1024
+"""Number of environments in a batch."""
 
 ENV_OPTIONS: tuple[dict[str, Any], ...] = (
     {"course": "dogleg", "putt_noise": (0.5, 0.015)},

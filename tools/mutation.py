@@ -31,6 +31,7 @@ ROOT = Path(__file__).parents[1]
 
 COPIED_FOLDERS = ("minigolf_env", "tests", "tools", "agents", "benchmarks", "docs")
 COPIED_FILES = ("pyproject.toml", "CHANGELOG.md")
+"""Files that the tests need, besides COPIED_FOLDERS."""
 
 OPERATOR_SWAPS: dict[type[ast.AST], tuple[type[ast.AST], ...]] = {
     ast.Lt: (ast.LtE, ast.GtE),

@@ -1,8 +1,8 @@
 """Search for balls that penetrate a wall or escape from a room. Run: python -m tools.soak (make soak).
 
-Balls are thrown in random rooms, each again from where it came to rest, and every time step is checked. The report has
-the number of escapes, the smallest clearance, the number of steps that lost time, and the distribution of sub-steps a
-step. Each fault comes with the code that reproduces it. The program ends with an error if there was a fault.
+Balls are launched in random rooms, each again from where its last run ended, and every time step is checked. The report
+has the number of escapes, the smallest clearance, the number of steps that lost time, and the distribution of sub-steps
+per step. Each fault comes with the code that reproduces it. The program ends with an error if there was a fault.
 """
 
 from __future__ import annotations
@@ -25,16 +25,19 @@ from minigolf_env.physics import Shot, World
 from tests.physics.scenes import FloatArray, box, free_starts, is_inside_room, mesh, random_room, random_surface
 
 MIN_CLEARANCE = -1e-12
-"""Guaranteed lower bound of the clearance, relative to the world's scale."""
+"""Guaranteed lower bound of the clearance, relative to the coordinate scale."""
 
-THROW_SPEEDS = (0.0, 0.01, 0.3, 1.0, 10.0, 30.0)
-"""Speeds of throws, m/s: from zero to half a metre a step."""
+START_SPEEDS = (0.0, 0.01, 0.3, 1.0, 10.0, 30.0)
+"""Speeds at the start of runs, m/s: from zero to half a metre per step."""
 
 BALLS_PER_ROOM = 8
+"""Number of balls in each room."""
 
-THROWS_PER_BALL = 6
+RUNS_PER_BALL = 6
+"""Number of consecutive runs of each ball."""
 
-MAX_STEPS_PER_THROW = 500
+MAX_STEPS_PER_RUN = 500
+"""Maximum number of time steps of a run."""
 
 ROOMS_PER_ROUND = 64
 """Number of rooms given to the processes before the steps are counted again."""
@@ -78,11 +81,11 @@ class Tally:
     escapes: int = 0
     exhausted: int = 0
     min_clearance: float = np.inf
-    """Smallest clearance of a ball, relative to the world's scale."""
+    """Smallest clearance of a ball, relative to the coordinate scale."""
     num_substeps: Counter[int] = field(default_factory=Counter)
     """Number of steps by their number of sub-steps."""
     faults: list[str] = field(default_factory=list)
-    """One text a fault, with the code that reproduces it."""
+    """Descriptions of the faults, each with the code that reproduces it."""
 
     def add(self, other: Tally) -> None:
         """Add the counts of other rooms."""
@@ -114,23 +117,23 @@ def build_room(seed: int) -> Room:
     return Room(World(meshes, world.ball_radius, world.gravity, world.dt, world.impact), frame, wall)
 
 
-def throw_balls(room: Room, rng: np.random.Generator) -> Iterator[tuple[FloatArray, FloatArray, Shot]]:
-    """Throw balls from free places, each again from where it ended; yield position, velocity and recorded shot."""
+def run_balls(room: Room, rng: np.random.Generator) -> Iterator[tuple[FloatArray, FloatArray, Shot]]:
+    """Launch balls from free places, each again from where it ended; yield position, velocity and recorded shot."""
     for p in free_starts(rng, room.world, room.frame, 4 * BALLS_PER_ROOM)[:BALLS_PER_ROOM]:
-        for _ in range(THROWS_PER_BALL):
+        for _ in range(RUNS_PER_BALL):
             v = rng.normal(size=3)
-            v *= rng.choice(THROW_SPEEDS) / np.linalg.norm(v)
-            shot = room.world.simulate(p, v, max_time=MAX_STEPS_PER_THROW * room.world.dt, record=True)
+            v *= rng.choice(START_SPEEDS) / np.linalg.norm(v)
+            shot = room.world.simulate(p, v, max_time=MAX_STEPS_PER_RUN * room.world.dt, record=True)
             yield p, v, shot
             p = shot.position
 
 
 def soak_room(seed: int) -> Tally:
-    """Throw balls in the room of an RNG seed and check every step; stop at the first fault."""
+    """Run balls in the room of an RNG seed and check every step; stop at the first fault."""
     numba.set_num_threads(1)
     room = build_room(seed)
     tally = Tally(rooms=1)
-    for p, v, shot in throw_balls(room, np.random.default_rng([seed, 1])):
+    for p, v, shot in run_balls(room, np.random.default_rng([seed, 1])):
         assert shot.path is not None and shot.num_substeps is not None
         # Check each position of the path.
         clearances = room.world.clearance(shot.path) / room.world.coordinate_scale
@@ -145,10 +148,10 @@ def soak_room(seed: int) -> Tally:
         tally.exhausted += shot.exhausted
         tally.min_clearance = min(tally.min_clearance, float(clearances.min()))
         tally.num_substeps.update(shot.num_substeps.tolist())
-        # Report a fault; the ball's position is then no valid start of the next throw.
+        # Report a fault; the ball's position is then no valid start of the next run.
         if escaped or shot.exhausted or not clearances.min() >= MIN_CLEARANCE:
             first = int(np.argmax(crossed if crossed.any() else clearances < MIN_CLEARANCE))
-            max_time = f"{MAX_STEPS_PER_THROW} * world.dt"
+            max_time = f"{MAX_STEPS_PER_RUN} * world.dt"
             tally.faults.append(
                 f"room {seed}: {escaped=}, {shot.exhausted=}, clearance {clearances.min():.2e} x scale, step {first}:\n"
                 f"    from tools.soak import build_room; world = build_room({seed}).world\n"
@@ -167,7 +170,7 @@ def soak(args: Args, map_rooms: Callable[[Callable[[int], Tally], range], Iterat
         for tally in map_rooms(soak_room, range(first, first + ROOMS_PER_ROUND)):
             total.add(tally)
         rate = total.steps / (time.perf_counter() - start)
-        print(f"\r{total.steps:,} steps, {rate:,.0f} a second, {len(total.faults)} faults ", end="", file=sys.stderr)
+        print(f"\r{total.steps:,} steps, {rate:,.0f} per second, {len(total.faults)} faults ", end="", file=sys.stderr)
     print(file=sys.stderr)
     return total
 

@@ -1,4 +1,4 @@
-"""Many balls at once, on all threads: in one compiled scene, or each in its own.
+"""Batches of balls on all threads: in one compiled scene, or each in its own.
 
 The rows of a batch are divided evenly among the scenes, in order: with N rows and M scenes, each scene has N / M
 consecutive rows. Threads get chunks of rows, so that all are busy whether the balls share a scene or not; the results
@@ -34,7 +34,7 @@ MAX_SERIAL_QUERIES = 64
 """Maximum number of distance queries that take less time than starting threads."""
 
 INITIAL_RECORDING_ROWS = 512
-"""Initial number of rows of a recorded run's path (4 s at 1/120 s) and of its log of bounces."""
+"""Initial number of rows of a recording: of the run's path (4 s at 1/120 s) and of its log of bounces."""
 
 NO_PATH = np.empty((0, 4))
 """A path without rows: ``simulate_range`` does not record the run."""
@@ -62,9 +62,9 @@ def simulate_rows(
 
 
 def simulate_recorded(scene: CompiledScene, position: FloatArray, velocity: FloatArray, max_steps: int) -> Shot:
-    """Run one ball from position (3,) with velocity (3,) to its end; return a Shot with its record.
+    """Run one ball from position (3,) with velocity (3,) to its end; return a Shot with the recording.
 
-    The run is simulated once. It is suspended when the record is full, and resumes with a record twice as large.
+    The run is simulated once. It is suspended when the recording is full, and resumes with twice as many rows.
     """
     runs = kernels.RunBatch(position[None].copy(), velocity[None].copy(), np.zeros(1, RESULT_DTYPE))
     scratch = kernels.new_scratch()
@@ -129,8 +129,8 @@ def clearance_rows(scenes: Sequence[CompiledScene], positions: FloatArray) -> Fl
 def check_no_overlap(scenes: Sequence[CompiledScene], p: FloatArray, scales: float | FloatArray) -> None:
     """Raise a ValueError for the first ball that intersects a mesh.
 
-    Centres are (3,) or (N, 3), coordinate scales () or (N,). A cheap conservative test spares most balls the
-    computation of the distance.
+    Centres are (3,) or (N, 3), coordinate scales () or (N,). A cheap conservative test avoids the
+    computation of most distances. The tolerance grows with a centre outside the scene, as its rounding does.
     """
     centres = p.reshape(-1, 3)
     may_overlap = np.empty(len(centres), np.bool_)

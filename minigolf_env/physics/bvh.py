@@ -27,7 +27,7 @@ MAX_SPLIT_RATIO = 32
 building stays O(n log n), and no child has more than 31/32 of its node's triangles, which bounds the depth."""
 
 MIN_HALF_EXTENT = 2.0**-1022
-"""Smallest half extent of a box, m: a zero, rounded up."""
+"""Smallest normal float64, added to a half extent, m: the extent of a flat box stays positive when it is rounded up."""
 
 
 def build_bvh(triangles: FloatArray) -> tuple[RecordArray, NDArray[np.int64]]:

@@ -19,10 +19,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from minigolf_env.physics.cylinder import BoundingCylinder, bounding_cylinder, cylinder_contains, query_radius
+from minigolf_env.physics.cylinder import (
+    CYLINDER_MARGIN,
+    BoundingCylinder,
+    bounding_cylinder,
+    cylinder_contains,
+    query_radius,
+)
 from minigolf_env.physics.jit import device_function, kernel
 from minigolf_env.physics.sweep import Collision, no_hit, sweep, update_first_hit
-from minigolf_env.physics.swept_sphere import may_overlap
+from minigolf_env.physics.swept_sphere import CULLING_MARGIN, may_overlap
 from minigolf_env.physics.traversal import decode_leaf, intersect_children_swept_sphere, new_traversal
 from minigolf_env.physics.types import BVH_WIDTH, INT64_ONE, INT64_ZERO, CompiledScene, RecordArray, Vec3
 from minigolf_env.physics.vec3 import add, column, norm, scale, store, store_column, sub, vec3
@@ -40,8 +46,14 @@ MAX_QUEUED_NODES = 2 * MAX_CANDIDATES
 """Maximum number of BVH nodes and leaves that collecting candidates may visit."""
 
 MAX_LOOKAHEAD_STEPS = 8.0
-"""Maximum length of a cylinder, in paths like the present one: longer ones collect too much that the ball never
-meets."""
+"""Maximum length of a cylinder, in paths like the current one: longer ones collect too many triangles that the ball
+never reaches."""
+
+DROP_FACTOR = 0.52
+"""Drop of a path below its tangent in the time t, divided by g t^2: 1/2 and a margin."""
+
+DEFLECTION_RATIO = 1e-4
+"""Sideways deflection of a path by resistance and slopes that its cylinder allows for, divided by the length."""
 
 CACHE_STATE_DTYPE = np.dtype(
     [
@@ -109,7 +121,9 @@ def sweep_cached(scene: CompiledScene, cache: CandidateCache, p: Vec3, w: Vec3) 
     # Keep the candidates near this path.
     candidates = cache.candidates[0]
     rows = candidates["rows_to_test"]
-    num_faces = _filter_candidates(candidates, state["num_candidates"], p, w, scene.radius + 2.0 * scene.eps, rows)
+    num_faces = _filter_candidates(
+        candidates, state["num_candidates"], p, w, scene.radius + CULLING_MARGIN * scene.eps, rows
+    )
 
     # Test all faces first, then the edges that the path can still reach before the first hit so far.
     best = no_hit()
@@ -139,15 +153,15 @@ def has_spare_capacity(cache: CandidateCache) -> bool:
 def _rebuild(scene: CompiledScene, cache: CandidateCache, p: Vec3, w: Vec3) -> bool:
     """Collect the candidates for the path p to p + w and the next ones like it; return whether they fit.
 
-    The cylinder grows while few candidates are found, and shrinks when they do not fit. A path of a rolling ball dips
-    into the ground by g t^2 / 2 in its time t: the cylinder is wide enough for that up to its end, and no wider, to
-    keep the candidates few. In flight paths bend more, and leave the cylinder earlier.
+    The cylinder grows while few candidates are found, and shrinks when they do not fit. A path of a rolling ball drops
+    below the ground by g t^2 / 2 in its time t: the cylinder is wide enough for that up to its end, and no wider, to
+    keep the candidates few. In flight the deflection is larger, and the ball leaves the cylinder earlier.
     """
     state = cache.state[0]
     lookahead_steps = state["lookahead_steps"]
     path = scale(w, lookahead_steps)
-    # 0.52 is the 1/2 of g t^2 / 2 with a margin; 1e-4 of the length is for resistance and slopes.
-    radius = 0.52 * lookahead_steps * scene.dt * scene.dt * norm(scene.gravity) + 1e-4 * norm(path) + 4.0 * scene.eps
+    drop = DROP_FACTOR * lookahead_steps * scene.dt * scene.dt * norm(scene.gravity)
+    radius = drop + DEFLECTION_RATIO * norm(path) + CYLINDER_MARGIN * scene.eps
     capacity = MULTI_STEP_CAPACITY if lookahead_steps > 1.0 else SINGLE_STEP_CAPACITY
     if not _collect_candidates(scene, cache, p, path, query_radius(scene, radius), capacity):
         state["length"] = -1.0
@@ -198,7 +212,7 @@ def _collect_candidates(
                 count += 1
         num_visited += 1
 
-    # Keep those that may overlap the fattened path.
+    # Keep those that may overlap the inflated path.
     _gather_columns(scene.triangles, candidates, count)
     count = _filter_candidates(candidates, count, p, w, inflated_radius, candidates["row"])
     if count > capacity:

@@ -20,7 +20,7 @@ from minigolf_env.physics.types import CompiledScene, FloatArray, Vec3
 from minigolf_env.physics.vec3 import cross, dot, mul_add, norm, scale, sub, vec3
 
 MAX_CONTACTS = 8
-"""Maximum number of resting contacts: three hold a ball; the others are for bowls of many facets."""
+"""Maximum number of resting contacts: three suffice for rest; a bowl of many facets may add more."""
 
 GRAZING_SPEED_RATIO = 1e-10
 """Ratio of the speed normal to a surface to the speed below which a ball neither bounces off it nor has left it."""
@@ -31,7 +31,10 @@ PROJECTION_ROUNDOFF = 2.0**-48
 
 @kernel
 def add_contact(contacts: FloatArray, num_contacts: int, n: Vec3, rolling_coefficient: float) -> int:
-    """Add a resting contact, or replace one of the same normal or the most similar of a full set; return the number."""
+    """Add a resting contact; return the number of contacts.
+
+    It replaces one with the same normal (to rounding), or, if the set is full, the one with the most similar normal.
+    """
     row = min(num_contacts, MAX_CONTACTS - 1)
     best_cosine = -1.0
     for i in range(num_contacts):
@@ -105,7 +108,10 @@ def _intersection_direction(n: Vec3, m: Vec3) -> Vec3:
 
 @device_function
 def _in_cone(contacts: FloatArray, num_contacts: int, x: Vec3, i: int, j: int, slack: float) -> bool:
-    """Return whether x . n >= slack for every contact but i and j, in whose planes x lies."""
+    """Return whether x . n >= slack for every contact but i and j, in whose planes x lies.
+
+    ``slack`` is 0, or slightly negative: a projected vector may enter another contact by its rounding error.
+    """
     for k in range(num_contacts):
         if k != i and k != j and dot(vec3(contacts[k]), x) < slack:
             return False
@@ -145,7 +151,7 @@ def apply_rolling_resistance(
 
 @device_function
 def rolling_kinematics(v: Vec3, acceleration: Vec3, resistance_deceleration: float) -> tuple[Vec3, float, float]:
-    """Return (net acceleration, speed, deceleration in m/s^2) of a ball that rolls at velocity v."""
+    """Return (net acceleration, speed in m/s, deceleration along v in m/s^2) of a ball that rolls at velocity v."""
     speed = norm(v)
     net = mul_add(acceleration, -resistance_deceleration / speed, v)
     return net, speed, resistance_deceleration - dot(acceleration, v) / speed
@@ -155,8 +161,9 @@ def rolling_kinematics(v: Vec3, acceleration: Vec3, resistance_deceleration: flo
 def resolve_stop(v: Vec3, end_velocity: Vec3, deceleration: float, eps: float) -> Vec3:
     """Return ``end_velocity`` without its part along the velocity v at the start of the sub-step.
 
-    It is zero where only rounding is left, or where ``deceleration`` would stop the ball within eps: across a slope too
-    gentle to roll down, each stop leaves a part of the speed sideways, and there would be stops without end.
+    It is zero where only rounding is left, or where ``deceleration`` would stop the ball within eps. Otherwise a ball
+    that crosses a slope too gentle to roll down would stop infinitely often in a finite time (Zeno behaviour): each
+    stop leaves a part of the velocity across the previous one.
     """
     sideways = mul_add(end_velocity, -dot(end_velocity, v) / dot(v, v), v)
     is_roundoff = norm(sideways) <= GRAZING_SPEED_RATIO * norm(v)
@@ -179,7 +186,7 @@ def resolve_impact(
 
     The average-velocity response (CS121 notes) uses the ``average`` velocity over the path of the given duration. The
     conservative response uses the velocity ``v`` at the impact and the ``net`` acceleration on the path: its approach
-    speed makes up for the height between the straight path and the parabola, so that the impact keeps energy exactly.
+    speed compensates the energy difference between chord and parabola, so that the impact conserves energy exactly.
     The contact is resting if the rebound would last less than dt against the normal load of gravity or
     ``acceleration``.
     """
@@ -221,8 +228,8 @@ def make_resting(
 ) -> tuple[Vec3, int]:
     """Make the contact of a hit a resting one; return what it leaves of the velocity v, and the number of contacts.
 
-    With ``force_resting`` the contact holds the ball from both sides: resistance, which pulls a ball back to the
-    contact it leaves, would otherwise throw it to and fro between two contacts in ever smaller hits.
+    With ``force_resting`` the contact becomes bilateral: the ball can neither enter nor leave it. This prevents
+    chattering, an endless series of ever smaller impacts between two contacts.
     """
     n = hit.normal
     num_contacts = add_contact(contacts, num_contacts, n, surface_of(scene, hit)["rolling_coefficient"])
@@ -232,7 +239,7 @@ def make_resting(
     # Remove the separating part, too: the ball would be back within the step.
     v = project_onto_cone(contacts, num_contacts, mul_add(v, -max(0.0, dot(v, n)), n))
 
-    # A velocity below this times gravity is the rounding error of a ball that is held.
+    # A velocity below this time times gravity is the rounding error of a ball at rest.
     rounding_time = GRAZING_SPEED_RATIO * scene.dt
     if dot(v, v) <= rounding_time * rounding_time * dot(scene.gravity, scene.gravity):
         v = Vec3(0.0, 0.0, 0.0)

@@ -15,6 +15,12 @@ from minigolf_env.physics.vec3 import dot, mul_add, norm, scale, sub
 RIM_DISTANCE_RATIO = 1.42
 """Distance from the path to the rim of its cylinder's ends, in radii: the square root of 2, rounded up."""
 
+MIN_PATH_LENGTH = 1e-100
+"""Length of a path up to which its direction is taken as zero, m: the inverse of the length stays finite."""
+
+CYLINDER_MARGIN = 4.0
+"""Margin for touching and rounding in the radius of a cylinder and of the search around it, in eps."""
+
 RADIUS_ROUNDOFF = 1e-14
 """Part of the squared length by which the squared radius is reduced, for the rounding of ``cylinder_contains``."""
 
@@ -36,7 +42,7 @@ class BoundingCylinder(NamedTuple):
 def bounding_cylinder(p: Vec3, w: Vec3, radius: float) -> BoundingCylinder:
     """Return the cylinder around the path p to p + w with the given radius, which extends by it beyond both ends."""
     path_length = norm(w)
-    axis = scale(w, 1.0 / path_length) if path_length > 1e-100 else Vec3(0.0, 0.0, 0.0)
+    axis = scale(w, 1.0 / path_length) if path_length > MIN_PATH_LENGTH else Vec3(0.0, 0.0, 0.0)
     length = path_length + 2.0 * radius
     return BoundingCylinder(
         mul_add(p, -radius, axis), axis, length, radius * radius - RADIUS_ROUNDOFF * length * length
@@ -55,4 +61,4 @@ def cylinder_contains(cylinder: BoundingCylinder, p: Vec3) -> bool:
 @device_function
 def query_radius(scene: CompiledScene, radius: float) -> float:
     """Return the largest distance from a path of a triangle that a ball in the path's cylinder can touch, m."""
-    return RIM_DISTANCE_RATIO * radius + scene.radius + 4.0 * scene.eps
+    return RIM_DISTANCE_RATIO * radius + scene.radius + CYLINDER_MARGIN * scene.eps

@@ -24,7 +24,8 @@ except (
     ImportError,
     AttributeError,
     ValueError,
-):  # This numba's internals differ: use its public API, for the same bits.
+):  # A name is missing, an attribute is missing, or an option is refused: this numba's internals differ.
+    # Fall back silently to its public API: same bits, slower, and nothing that a user has to act on.
 
     def compile_kernel(function: Callable[..., Any], **options: Any) -> Any:
         """Compile a function with numba's public options and its own cache."""
@@ -42,7 +43,7 @@ _used: set[str] = set()
 
 
 def device_function(function: Function) -> Function:
-    """Compile a function of numbers, arrays and NamedTuples for kernels to call; Python cannot call it."""
+    """Compile a function of numbers, arrays and NamedTuples that only compiled code can call."""
     if numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
         return function
     return cast(Function, compile_device_function(function, nogil=True, error_model="numpy"))
@@ -54,7 +55,7 @@ def kernel(function: Function) -> Function:
 
 
 def inlined_kernel(function: Function) -> Function:
-    """Compile a kernel whose source is inlined into its only caller, so that it is compiled once."""
+    """Compile a kernel whose source is inlined into its only compiled caller; Python can call it, too."""
     return _compile(function, inline="always")
 
 
@@ -86,5 +87,5 @@ def notify_if_compiling(api_call: str) -> Iterator[None]:
 
 @functools.cache
 def _print_notice() -> None:
-    """Print the notice to stderr, once a process."""
+    """Print the notice to stderr, once per process."""
     print("minigolf_env: compiling the physics, once after each installation (about 15 s) ...", file=sys.stderr)

@@ -12,7 +12,8 @@ from minigolf_env._validation import finite_array
 from minigolf_env.physics.types import FloatArray, Surface
 
 MAX_COORDINATE = 1e9
-"""Largest coordinate accepted, m; products of larger ones would leave float64's exact range long before any use."""
+"""Largest coordinate accepted in a mesh, m: the tolerance of contacts is then 0.5 mm. ``sweep_sphere`` accepts
+coordinates up to MAX_NUMBER, as its radius may be as large."""
 
 
 class TriangleMesh:
@@ -26,8 +27,10 @@ class TriangleMesh:
         vertices: (V, 3) finite coordinates, m.
         faces: (F, 3) integers, rows of ``vertices``; F >= 1.
         surface: material: the velocity kept by an impact, and the rolling resistance.
-        two_sided: None: two-sided unless the mesh is closed and consistently wound, as False requires; or True, which a
-            closed mesh needs that crosses itself and is inside out in part: this is not detected.
+        two_sided: sides from which the mesh stops a ball.
+            None: both, unless the mesh is closed and consistently wound.
+            False: the front only; an error unless the mesh is closed and consistently wound.
+            True: both. Required for a closed mesh that crosses itself and is inside out in part: this is not detected.
         name: name of the mesh in error messages.
 
     Raises:
@@ -59,16 +62,16 @@ class TriangleMesh:
 
     @property
     def triangles(self) -> FloatArray:
-        """The corners (F, 3, 3), m."""
+        """The vertices of each face (F, 3, 3), m."""
         return self.vertices[self.faces]
 
     @property
     def is_closed(self) -> bool:
-        """True if the mesh is closed and consistently wound: each edge runs as often one way as the other."""
+        """True if the mesh is closed and consistently wound: faces pass each edge equally often in both directions."""
         return not self._has_unpaired_edge().any()
 
     def _has_unpaired_edge(self) -> NDArray[np.bool_]:
-        """Return for each face (F,) whether one of its edges does not run as often one way as the other."""
+        """Return for each face (F,) whether an edge is not passed equally often in both directions."""
         # Number the edges by their vertices, where vertices at the same place count as one.
         _, unique = np.unique(self.vertices, axis=0, return_inverse=True)
         faces = unique.reshape(-1)[self.faces]
@@ -111,7 +114,7 @@ class TriangleMesh:
         if is_near.any():
             # x, y, z first: sums over short last axes take several times as long.
             a, b, c = np.moveaxis(self.triangles, 0, 2)[..., None] - points[is_near].T[:, None]
-            la, lb, lc = (np.sqrt(_dot(corner, corner)) for corner in (a, b, c))
+            la, lb, lc = (np.sqrt(_dot(vertex, vertex)) for vertex in (a, b, c))
             cross = (b[1] * c[2] - b[2] * c[1], b[2] * c[0] - b[0] * c[2], b[0] * c[1] - b[1] * c[0])
             denominator = la * lb * lc + _dot(a, b) * lc + _dot(b, c) * la + _dot(c, a) * lb
             half_angles = np.arctan2(_dot(a, cross), denominator)
@@ -140,7 +143,7 @@ def _dot(a: Sequence[FloatArray], b: Sequence[FloatArray]) -> FloatArray:
 
 
 def _validated_vertices(vertices: ArrayLike, name: str) -> FloatArray:
-    hint = "give one row of x, y, z in metres a vertex, near the origin."
+    hint = "give one row (x, y, z) per vertex, in metres, near the origin."
     array = finite_array(vertices, (None, 3), f"{name}: vertices", hint, MAX_COORDINATE)
     array.flags.writeable = False
     return array
@@ -154,7 +157,7 @@ def _validated_faces(faces: ArrayLike, num_vertices: int, name: str) -> NDArray[
     if raw.ndim != 2 or raw.shape[1] != 3 or len(raw) == 0:
         raise ValueError(
             f"{name}: faces: expected shape (F, 3) with F >= 1, received {raw.shape}; "
-            "give one row of three vertex numbers a triangle (split larger polygons)."
+            "give one row of three vertex numbers per triangle (split larger polygons)."
         )
     if not np.issubdtype(raw.dtype, np.integer):
         raise ValueError(f"{name}: faces: expected integers, received {raw.dtype}; faces number rows of vertices.")

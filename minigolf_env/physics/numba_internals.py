@@ -87,9 +87,9 @@ class KernelCache(NullCache):
     """The compiled code of one function on disk, as numba's dispatchers load and save it.
 
     Each signature has a file of its own, named after all that the code depends on. All processes write the same content
-    to it, so that writers need no order. The folder is NUMBA_CACHE_DIR, else ``__pycache__`` next to the sources of a
-    checkout, else numba's folder in the user's cache. Without a folder, or with a full disk, kernels work, and one
-    warning is issued.
+    to it, so that concurrent writers need no lock. The folder is NUMBA_CACHE_DIR, else ``__pycache__`` next to the
+    sources of a checkout, else numba's folder in the user's cache. Without a folder, or with a full disk,
+    kernels work, and one warning is issued.
     """
 
     def __init__(self, function: Callable[..., Any]) -> None:
@@ -153,11 +153,13 @@ class KernelCache(NullCache):
                 file.unlink(missing_ok=True)
 
     def _path(self, sig: Any, codegen: Any) -> Path:
-        """Return the file for a signature, named after the same properties by which numba tells machine code apart."""
+        """Return the file for a signature; its name has all properties by which numba distinguishes machine code."""
         f = self._function
         place = (f.__module__, f.__qualname__, f.__code__.co_firstlineno)
         compiler = (numba.__version__, sys.implementation.cache_tag, codegen.magic_tuple())
-        stamp = self._impl.locator.get_source_stamp()  # An application frozen into one file has no sources but this.
+        stamp = (
+            self._impl.locator.get_source_stamp()
+        )  # Identifies the version in an application frozen into one file, which has no source files.
         key = hashlib.sha256(repr((place, compiler, stamp, sig)).encode()).hexdigest()[:16]
         return self._folder / f"kernel-{self._sources}-{f.__name__}-{key}.nbc"
 
@@ -172,7 +174,11 @@ def source_digest(folder: Path) -> str:
 
 
 def _write_atomically(path: Path, content: bytes) -> None:
-    """Write a file to a temporary name and rename it: a reader finds the whole file or none."""
+    """Write a file to a temporary name and rename it: a reader finds the whole file or none.
+
+    Unlike ``_atomic_io`` it does not flush to disk: for hundreds of cache files that would take longer than it is
+    worth, as the digest in a file reveals damage.
+    """
     temporary = path.with_name(f"{path.name}.{uuid.uuid4().hex}")
     try:
         temporary.write_bytes(content)

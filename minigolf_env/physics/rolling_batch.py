@@ -1,12 +1,12 @@
 """The rolling batch: up to eight balls that roll on flat ground, advanced together with SIMD instructions.
 
 A ball that rolls on a plane and can reach nothing else does the same in each step: it falls onto the plane (alpha = 0),
-the contact is resting, and it rolls along the plane. ``step_rolling`` writes that out without branches, so that the
-compiler makes SIMD instructions of it, one ball in each element of a vector. It takes a tenth of the time of ``step``,
+the contact is resting, and it rolls along the plane. ``step_rolling`` computes that branch-free, so that the loop
+auto-vectorises, one ball in each element of a vector. It takes a tenth of the time of ``step``,
 for most steps of a putt. Each operation is that of ``step`` on the same numbers, and the results are the same bits; a
 ball whose next step might do anything else becomes inactive and takes that step in ``step``. Example::
 
-    try_enter(..., slot 2, p, v)     # the next 64 steps at velocity v are over coplanar triangles of one closed mesh
+    try_enter(..., slot 2, p, v)     # the next 2 to 64 steps at velocity v are over coplanar triangles
     step_rolling(scene, batch, 8)    # 8 balls, one step each
     ...                              # until the ball in slot 2 slows down, or comes near a wall: its ``active`` is 0
 
@@ -34,7 +34,13 @@ from minigolf_env.physics.contact import (
     rolling_kinematics,
     rolling_resistance_deceleration,
 )
-from minigolf_env.physics.cylinder import BoundingCylinder, bounding_cylinder, cylinder_contains, query_radius
+from minigolf_env.physics.cylinder import (
+    CYLINDER_MARGIN,
+    BoundingCylinder,
+    bounding_cylinder,
+    cylinder_contains,
+    query_radius,
+)
 from minigolf_env.physics.jit import device_function, kernel
 from minigolf_env.physics.traversal import next_leaf_in_sweep, start_traversal
 from minigolf_env.physics.types import INT64_ONE, INT64_ZERO, CompiledScene, FloatArray, RecordArray, Vec3
@@ -44,10 +50,10 @@ SIMD_WIDTH = 8
 """Number of balls in a batch: one SIMD vector of 512 bits, or several shorter ones."""
 
 MAX_FLAT_RUN_STEPS = 64.0
-"""Number of steps at the present velocity for which the ground is searched."""
+"""Maximum number of steps, at the current velocity, for which the ground ahead is searched."""
 
 MIN_FLAT_RUN_STEPS = 2.0
-"""Minimum number of those steps over flat ground: fewer do not pay for the search."""
+"""Minimum number of steps on flat ground for which a ball enters: fewer do not pay for the search."""
 
 COPLANAR_TOLERANCE = 0.125
 """Maximum distance of coplanar triangles from each other's plane, in eps."""
@@ -131,16 +137,17 @@ def _find_flat_run(
 ) -> tuple[bool, BoundingCylinder]:
     """Find how far a ball that rolls from p at velocity v has flat ground: return whether far enough, and the cylinder.
 
-    The cylinder is wide enough for the dip of a path by gravity, and for the bend by the tangential gravity.
+    The cylinder is wide enough for the drop of a path below its tangent by gravity, and for the deflection by the
+    tangential gravity.
     """
-    # Limit the time in which tangential gravity bends the path by half a radius.
+    # Limit the time so that tangential gravity deflects the path by half a radius at most.
     time = MAX_FLAT_RUN_STEPS * scene.dt
     if norm(tangential_gravity) * time * time > scene.radius:
         time = math.sqrt(scene.radius / norm(tangential_gravity))
     min_time = MIN_FLAT_RUN_STEPS * scene.dt
     w = scale(v, time)
     drop = scene.dt * scene.dt * norm(scene.gravity)
-    radius = drop + 0.5 * norm(tangential_gravity) * time * time + 4.0 * scene.eps
+    radius = drop + 0.5 * norm(tangential_gravity) * time * time + CYLINDER_MARGIN * scene.eps
     inflated_radius = query_radius(scene, radius)
 
     # Shorten the path at each triangle of another plane; look for the triangle under the ball.

@@ -8,10 +8,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minigolf_env.physics.jit import device_function, kernel
-from minigolf_env.physics.swept_sphere import ALPHA_DEFERRED, ALPHA_MISS, closest_point_offset, sweep_triangle
+from minigolf_env.physics.swept_sphere import (
+    ALPHA_DEFERRED,
+    ALPHA_MISS,
+    CULLING_MARGIN,
+    closest_point_offset,
+    sweep_triangle,
+)
 from minigolf_env.physics.traversal import next_leaf_in_radius, next_leaf_in_sweep, start_traversal
 from minigolf_env.physics.types import BOOL_TRUE, INT64_ONE, CompiledScene, FloatArray, RecordArray, Vec3
 from minigolf_env.physics.vec3 import dot, norm, scale, store, vec3
+
+OVERLAP_MARGIN = 1.5
+"""Depth below which a ball surely does not overlap, in eps: between eps, allowed while running, and the 2 eps at which
+a start is refused."""
 
 
 class Collision(NamedTuple):
@@ -51,10 +61,10 @@ def first_hit(new: Collision, old: Collision, w: Vec3) -> Collision:
 def sweep(scene: CompiledScene, traversal: RecordArray, p: Vec3, w: Vec3) -> Collision:
     """Return the first hit of the ball on its way from p to p + w.
 
-    Boxes beyond the first hit so far are culled, with twice the tolerance to spare: rounding loses no tie.
+    Boxes beyond the first hit so far are culled, with a margin, so that rounding loses no tie.
     """
     best = no_hit()
-    inflated_radius = scene.radius + 2.0 * scene.eps
+    inflated_radius = scene.radius + CULLING_MARGIN * scene.eps
     start_traversal(traversal)
     size = INT64_ONE
     while size > 0:
@@ -146,6 +156,6 @@ def clearance_range(
 def possible_overlap_range(
     first: int, last: int, scene: CompiledScene, traversal: RecordArray, positions: FloatArray, flags: NDArray[np.bool_]
 ) -> None:
-    """Write whether balls first to last - 1 may be deeper than eps in a triangle; the others surely are not."""
+    """Write whether balls first to last - 1 may be deeper than OVERLAP_MARGIN in a triangle; false is certain."""
     for i in range(first, last):
-        flags[i] = any_triangle_within(scene, traversal, vec3(positions[i]), scene.radius - 1.5 * scene.eps)
+        flags[i] = any_triangle_within(scene, traversal, vec3(positions[i]), scene.radius - OVERLAP_MARGIN * scene.eps)

@@ -5,7 +5,7 @@ zero of phi. It is found in two steps:
 
 1. A sphere cannot touch a triangle before it touches the triangle's plane. Where it touches the plane over the face,
    that is the hit, in closed form.
-2. Elsewhere the hit can only be at an edge or a corner. The distance from a point on a line to a convex set is convex
+2. Elsewhere the hit can only be at an edge or a vertex. The distance from a point on a line to a convex set is convex
    in t, so that Newton's method on phi, started when the plane is touched, rises monotonically to the first zero: it
    can neither overshoot nor miss it. Cheap bounds reject most triangles that stay out of reach before it starts.
 
@@ -13,7 +13,7 @@ Example: a sphere of radius 0.2 falls by 1 onto the triangle (0, 0, 0), (1, 0, 0
 touches the plane at t = (1 - 0.2) / 1 = 0.8, with its centre over the face: alpha = 0.8, normal (0, 0, 1).
 From (0.5, -0.1, 1) its centre is not over the face then; Newton's method finds the edge at t = 1 - sqrt(0.03) = 0.83.
 
-All is computed relative to the sphere's start, so that corners are small numbers where it matters.
+All is computed relative to the sphere's start, so that vertices are small numbers where it matters.
 """
 
 from __future__ import annotations
@@ -36,8 +36,12 @@ PARALLEL_TOLERANCE = 2.0**-47
 """Largest ratio of approach speed to speed that is rounding (some units in the last place), not an approach."""
 
 MAX_NEWTON_ITERATIONS = 64
-"""Maximum number of Newton iterations; 3 on average and 18 at most for the edges and corners in the reference data.
+"""Maximum number of Newton iterations; 3 on average and 18 at most for the edges and vertices in the reference data.
 Stopping at the maximum gives an early time of impact, never a late one."""
+
+CULLING_MARGIN = 2.0
+"""Margin by which boxes and triangles are culled beyond the ball's radius, in eps: one for touching, one for rounding,
+so that no tie is lost."""
 
 CLEARANCE_MARGIN = 0.875
 """Tolerance of the test that rejects triangles beyond an edge, in eps: the other eighth is for rounding, so that what
@@ -88,9 +92,9 @@ def sweep_triangle(
 ) -> tuple[float, Vec3]:
     """Return the fraction of the path p to p + w before a sphere first hits a triangle, and the unit contact normal.
 
-    A hit is touching (within eps) and approaching such that the rest of the path would end deeper than eps. The
+    A hit is touching (within eps) and approaching such that the rest of the path is somewhere deeper than eps. The
     fraction is in [0, 1), ``ALPHA_MISS`` without a hit up to ``max_fraction``. Without ``test_edges`` it may be
-    ``ALPHA_DEFERRED``: edges are most of the work, and a smaller ``max_fraction``, from other faces, may spare it.
+    ``ALPHA_DEFERRED``: edges are most of the work, and a smaller ``max_fraction``, from other faces, may avoid it.
     """
     # Reject a one-sided triangle from behind, and a path that stays on one side of the plane and clear of it.
     n = vec3(triangle["n"])
@@ -123,14 +127,14 @@ def sweep_triangle(
             return t, scale(n, math.copysign(1.0, height))
 
     # Reject triangles that the sphere surely stays clear of.
-    if not may_overlap(a, n, dual_u, dual_v, w, t, max_fraction, radius + 2.0 * eps):
+    if not may_overlap(a, n, dual_u, dual_v, w, t, max_fraction, radius + CULLING_MARGIN * eps):
         return ALPHA_MISS, n
     if not test_edges:
         return ALPHA_DEFERRED, n
     if _stays_clear(a, n, dual_u, dual_v, w, t, radius - CLEARANCE_MARGIN * eps):
         return ALPHA_MISS, n
 
-    # Find the time of impact with an edge or a corner.
+    # Find the time of impact with an edge or a vertex.
     e = vec3(triangle["e"])
     f = vec3(triangle["f"])
     t, normal = _first_contact_newton(a, e, f, n, dual_u, dual_v, w, t, radius, eps, max_fraction)
@@ -152,7 +156,7 @@ def is_approaching(rate: float, w: Vec3) -> bool:
 
 @device_function
 def _is_over_face(x0: float, y0: float, rate_x: float, rate_y: float, t: float) -> bool:
-    """Return whether the centre is over the face at t, given its coordinates along the edges at 0 and their rates."""
+    """Return whether the centre is over the face at t, given two barycentric coordinates at 0 and their rates."""
     x = x0 + t * rate_x
     y = y0 + t * rate_y
     return x > 0.0 and y > 0.0 and x + y < 1.0
@@ -260,7 +264,7 @@ def _first_contact_newton(
         if not is_approaching(rate, w):
             return ALPHA_MISS, normal
 
-        # Touching is a hit only if the rest of the path ends deeper than eps.
+        # Touching is a hit only if the rest of the path is somewhere deeper than eps.
         if gap <= eps:
             if gap + (1.0 - t) * rate >= -eps or not _penetrates(a, e, f, n, dual_u, dual_v, w, t, radius - eps):
                 return ALPHA_MISS, normal

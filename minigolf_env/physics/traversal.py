@@ -11,8 +11,9 @@ the boxes are inflated (Minkowski sum)::
     # Pop 5, and test its children against the shorter path; and so on until size is 0.
     first, size = next_leaf_in_sweep(nodes, traversal, p, alpha * w, inflated_radius)
 
-The leaves are a superset of those needed. Which others are visited changes the cost and, apart from the last bit of a
-distance, no result.
+The leaves are a superset of those needed. Which others are visited changes the cost and no first hit. The last bit of a
+distance may depend on which of two equally near triangles is found; as the order of visits depends only on the scene
+and the query, distances are deterministic too.
 """
 
 from __future__ import annotations
@@ -150,7 +151,7 @@ def intersect_children_swept_sphere(
         # The axes of the box.
         overlaps = (abs(x) <= ex + ax) & (abs(y) <= ey + ay) & (abs(z) <= ez + az)
 
-        # The direction from the box to the middle of the path, squared to spare the division by its length.
+        # The direction from the box to the middle of the path, squared to avoid the division by its length.
         box_to_middle = _box_to_point(to_middle, box)
         distance_sq = dot(box_to_middle, box_to_middle)
         clearance = distance_sq - abs(dot(box_to_middle, half))

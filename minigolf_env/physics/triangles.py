@@ -22,8 +22,8 @@ SPLIT_FACTOR = 134217729.0
 
 def build_triangles(vertices: FloatArray) -> RecordArray:
     """Return triangles (n, 3, 3) as two-sided TRIANGLE_DTYPE records, numbered in order."""
-    # Rotate the vertices so that the first is opposite the longest edge: u + v, the direction across that edge, then
-    # keeps its digits in needles.
+    # Rotate the vertices so that the first is opposite the longest edge: dual_u + dual_v, the direction across that
+    # edge, then keeps its digits in needles.
     opposite = np.linalg.norm(vertices[:, [2, 0, 1]] - vertices[:, [1, 2, 0]], axis=2)
     rotated = (opposite.argmax(axis=1)[:, None] + np.arange(3)) % 3
     vertices = vertices[np.arange(len(vertices))[:, None], rotated]
@@ -38,10 +38,10 @@ def build_triangles(vertices: FloatArray) -> RecordArray:
 
 
 def face_frames(triangles: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return n, u and v, each (n, 3), of triangles (n, 3, 3) with a corner a and the edges e and f from there.
+    """Return n, dual_u and dual_v, each (n, 3), of triangles (n, 3, 3) with the vertex a and edges e and f from there.
 
-    n is the unit normal by the right-hand rule. A point a + x of the plane is a + (x . u) e + (x . v) f: u and v (1/m)
-    are the dual basis of the edges. All are zero where there is no area.
+    n is the unit normal by the right-hand rule. A point a + x of the plane is a + (x . dual_u) e + (x . dual_v) f:
+    dual_u and dual_v (1/m) are the dual basis of the edges. All are zero where there is no area.
     """
     # Take the edges with their rounding errors.
     a, b, c = triangles[:, 0], triangles[:, 1], triangles[:, 2]

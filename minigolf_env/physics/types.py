@@ -120,7 +120,8 @@ class Shot(NamedTuple):
     bounces: int
     """Number of impacts that did not become resting contacts."""
     exhausted: int
-    """Number of time steps that used up their sub-steps and lost time (never a contact); 0 for any sane input."""
+    """Number of time steps that used up their sub-steps and lost time (never a contact);
+    0 in every scene with a regular mesh that was tested."""
     path: FloatArray | None = None
     """(T, 3) the ball's centre at ``times``: the start, after every dt, and the end, m."""
     times: FloatArray | None = None
@@ -198,7 +199,7 @@ SURFACE_DTYPE = np.dtype(
 class CompiledScene(NamedTuple):
     """A world as the compiled code reads it: immutable arrays of records, and numbers.
 
-    What belongs to one triangle or node shares cache lines, and a call passes few arguments.
+    The fields of one triangle or node share cache lines, and a call passes few arguments.
     """
 
     triangles: RecordArray

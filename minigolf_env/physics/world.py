@@ -43,6 +43,9 @@ IMPACT_MODELS = ("average", "conservative")
 MAX_STEPS = 2**40
 """Maximum number of time steps of a run; ``max_time`` may ask for no more."""
 
+STEP_COUNT_TOLERANCE = 1e-9
+"""Fraction of a step by which ``max_time`` may exceed a multiple of dt, by rounding, without an additional step."""
+
 
 def sweep_sphere(start: ArrayLike, end: ArrayLike, radius: float, triangles: ArrayLike) -> Hit:
     """Return the first hit of a sphere moving from start to end with two-sided triangles, by testing each.
@@ -71,16 +74,16 @@ def sweep_sphere(start: ArrayLike, end: ArrayLike, radius: float, triangles: Arr
 
 
 class World:
-    """A scene of triangle meshes in which one ball moves, compiled once and immutable.
+    """A scene of triangle meshes in which one ball moves, compiled once and immutable: setting an attribute raises.
 
     The time step is that of the CS121 notes (docs/physics.md): the average velocity over the step, a straight path, the
     exact first hit, a damped reflection, the rest of the step. Contacts too weak to bounce become resting contacts: the
-    ball slides or rolls, is braked, and rests.
+    ball slides or rolls, slows down by rolling resistance, and rests.
 
-    Guaranteed, whatever the speed and dt, with ``coordinate_scale`` the largest coordinate and meshes as TriangleMesh
-    asks for them: after every sub-step the ball's clearance to every triangle is >= -1e-12 coordinate_scale; no contact
-    is missed, and none but a grazing one is late by more than 1e-12 coordinate_scale; every step and every run ends. A
-    step has at most 64 sub-steps; should they be used up, the rest of its time is dropped, and counted as
+    Guarantees at any speed and dt, for meshes that meet the requirements of TriangleMesh; ``coordinate_scale`` is the
+    largest coordinate: after every sub-step the ball's clearance to every triangle is >= -1e-12 coordinate_scale; no
+    contact is missed, and none but a grazing one is late by more than 1e-12 coordinate_scale; every step and every run
+    ends. A step has at most 64 sub-steps; should they be used up, the rest of its time is dropped, and counted as
     ``exhausted``: time may be lost, never a contact. Results are the same bits whatever the batch, the number of
     threads, and the calls before.
 
@@ -116,7 +119,13 @@ class World:
         self.coordinate_scale = max(self.ball_radius, float(np.abs(triangle_vertices).max()))
         _check_radius_resolvable(self.ball_radius, self.coordinate_scale, "ball_radius")
         with notify_if_compiling("World"):
-            self._scene = self._compile(triangle_vertices)
+            self.scene = self._compile(triangle_vertices)
+
+    def __setattr__(self, name: str, value: object) -> None:
+        """Raise an AttributeError after construction: the compiled scene would not change."""
+        if "scene" in self.__dict__:
+            raise AttributeError(f"World.{name} cannot be set: a World is immutable; make a new World.")
+        super().__setattr__(name, value)
 
     def __deepcopy__(self, memo: dict[int, object]) -> World:
         """Return the world itself: it is immutable."""
@@ -153,7 +162,7 @@ class World:
         """
         p, q = _point(start, "start"), _point(end, "end")
         with notify_if_compiling("sweep"):
-            hit = sweep(self._scene, new_traversal(), Vec3(*p), Vec3(*(q - p)))
+            hit = sweep(self.scene, new_traversal(), Vec3(*p), Vec3(*(q - p)))
         return _public_hit(hit)
 
     def sweep_batch(self, starts: ArrayLike, ends: ArrayLike) -> Hit:
@@ -163,7 +172,7 @@ class World:
             ValueError: wrong or different shapes, or values that are not finite.
         """
         p, q = _paired_points(starts, ends, "starts", "ends")
-        alphas, normals, triangles = sweep_rows([self._scene], p, q - p)
+        alphas, normals, triangles = sweep_rows([self.scene], p, q - p)
         return Hit(triangles >= 0, alphas, normals, triangles)  # type: ignore[arg-type]
 
     def step(self, position: ArrayLike, velocity: ArrayLike) -> tuple[FloatArray, FloatArray]:
@@ -173,40 +182,42 @@ class World:
             ValueError: wrong shapes, values that are not finite, or a ball that intersects a mesh.
         """
         p, v = _point(position, "position"), _point(velocity, "velocity")
-        check_no_overlap([self._scene], p, self.coordinate_scale)
+        check_no_overlap([self.scene], p, self.coordinate_scale)
         with notify_if_compiling("step"):
-            result = kernels.step(self._scene, kernels.new_scratch(), Vec3(*p), Vec3(*v), NO_LOG, 0, 0.0)
+            result = kernels.step(self.scene, kernels.new_scratch(), Vec3(*p), Vec3(*v), NO_LOG, 0, 0.0)
         return np.array(result.p), np.array(result.v)
 
     def simulate(self, position: ArrayLike, velocity: ArrayLike, max_time: float = 30.0, record: bool = False) -> Shot:
         """Run the ball until it rests, leaves the bounds, or ``max_time`` (s) is over.
 
         The result is bit-equal to repeated calls of ``step``. With ``record`` it holds path, times and impacts. A ball
-        wholly inside a solid is accepted, other than by ``check_collision_free``: it moves out freely.
+        wholly inside a solid is accepted here, and moves out freely; ``check_collision_free`` refuses it.
 
         Raises:
             ValueError: wrong shapes, values that are not finite, or a ball that intersects a mesh.
         """
         p, v = _point(position, "position"), _point(velocity, "velocity")
-        check_no_overlap([self._scene], p, self.coordinate_scale)
+        check_no_overlap([self.scene], p, self.coordinate_scale)
         max_steps = self.num_steps_for(max_time)
         if record:
-            return simulate_recorded(self._scene, p, v, max_steps)
-        results = simulate_rows([self._scene], p[None], v[None], max_steps)
+            return simulate_recorded(self.scene, p, v, max_steps)
+        # Runs in place: p and v, copies of the arguments, become the final position and velocity.
+        results = simulate_rows([self.scene], p[None], v[None], max_steps)
         time, status, _, bounces, exhausted = results[0].tolist()
         return Shot(p, v, Status(status), time, bounces, exhausted)
 
     def simulate_batch(self, positions: ArrayLike, velocities: ArrayLike, max_time: float = 30.0) -> Shot:
-        """Run N balls, each alone in the world, from positions (N, 3) with velocities (N, 3), on all numba threads.
+        """Run N balls, each alone in the world, from positions (N, 3) with velocities (N, 3).
 
-        Returns a Shot of arrays, bit-equal to N calls of ``simulate`` whatever the number of threads.
+        The batch runs on as many threads as numba is set to use. Returns a Shot of arrays, bit-equal to N calls of
+        ``simulate`` whatever the number of threads.
 
         Raises:
             ValueError: wrong or different shapes, values that are not finite, or a ball that intersects a mesh.
         """
         p, v = _paired_points(positions, velocities, "positions", "velocities")
-        check_no_overlap([self._scene], p, self.coordinate_scale)
-        return make_shot(p, v, simulate_rows([self._scene], p, v, self.num_steps_for(max_time)))
+        check_no_overlap([self.scene], p, self.coordinate_scale)
+        return make_shot(p, v, simulate_rows([self.scene], p, v, self.num_steps_for(max_time)))
 
     def clearance(self, position: ArrayLike) -> Any:
         """Return the distance from the ball's surface to the nearest triangle, m; negative where they intersect.
@@ -219,14 +230,14 @@ class World:
         """
         is_batch = np.ndim(position) == 2
         p = _points(position, "position") if is_batch else _point(position, "position")[None]
-        clearances = clearance_rows([self._scene], p)
+        clearances = clearance_rows([self.scene], p)
         return clearances if is_batch else float(clearances[0])
 
     def check_collision_free(self, position: ArrayLike) -> FloatArray:
-        """Return a centre (3,), or N of them (N, 3), as an array if balls there are in free space.
+        """Return a centre (3,), or N of them (N, 3), as a validated array if balls there are in free space.
 
-        For editors and tees: unlike ``clearance``, which does not distinguish sides, this also finds a ball that is
-        wholly inside a solid, or outside the room. It tests every triangle.
+        Use it before a first shot from a place that a user chose, such as a tee. Unlike ``clearance``, which does not
+        distinguish sides, it also refuses a ball wholly inside a solid or outside the room. It tests every triangle.
 
         Raises:
             ValueError: a ball intersects a mesh, is inside a solid or outside the room; a wrong shape or values that
@@ -234,7 +245,7 @@ class World:
         """
         is_batch = np.ndim(position) == 2
         p = _points(position, "position") if is_batch else _point(position, "position")
-        check_no_overlap([self._scene], p, self.coordinate_scale)
+        check_no_overlap([self.scene], p, self.coordinate_scale)
         balls = p.reshape(-1, 3)
         is_outside = np.ones(len(balls), np.bool_)
         rooms = []
@@ -247,16 +258,16 @@ class World:
                 is_outside &= winding > -0.5
             elif (winding > 0.5).any():
                 ball = balls[(winding > 0.5).argmax()].tolist()
-                raise ValueError(f"position: expected a ball in free space, {ball} is inside {mesh.name!r}.")
+                raise ValueError(
+                    f"position: expected a ball in free space, received {ball}, which is inside {mesh.name!r}; "
+                    "move it out of the solid."
+                )
         if rooms and is_outside.any():
             ball = balls[is_outside.argmax()].tolist()
-            raise ValueError(f"position: expected a ball in the room, {ball} is outside {rooms[0]!r}.")
+            raise ValueError(
+                f"position: expected a ball in the room, received {ball}: it is outside {rooms[0]!r}; move it in."
+            )
         return p
-
-    @property
-    def scene(self) -> CompiledScene:
-        """The arrays that the compiled code reads."""
-        return self._scene
 
     def num_steps_for(self, max_time: float) -> int:
         """Return the number of time steps that a duration (s) takes.
@@ -267,16 +278,16 @@ class World:
         limit = positive_number(max_time, "max_time", "give the longest time to simulate in seconds.")
         if limit > MAX_STEPS * self.dt:
             raise ValueError(f"max_time: expected {MAX_STEPS * self.dt:g} s at most, received {max_time!r}; give less.")
-        return max(1, math.ceil(limit / self.dt - 1e-9))
+        return max(1, math.ceil(limit / self.dt - STEP_COUNT_TOLERANCE))
 
 
 class WorldBatch:
-    """Many worlds, run at once on all threads by the same compiled kernels, to the same bits as one by one.
+    """Batch of worlds that run on all threads, with the same bits as one world after another.
 
-    Where a World takes N rows, a batch of M worlds takes a multiple of M: each world has as many, in their order.
+    A batch of M worlds takes N rows, a multiple of M. World after world has N / M consecutive rows.
 
     Args:
-        worlds: of one time step ``dt``; none: the batch takes no rows.
+        worlds: worlds with the same time step ``dt``; an empty batch takes no rows.
 
     Raises:
         ValueError: different time steps.
@@ -293,10 +304,10 @@ class WorldBatch:
         """Run balls from positions (N, 3) with velocities (N, 3), each in its world, as World.simulate_batch does.
 
         Raises:
-            ValueError: as there, or N is no multiple of the number of worlds.
+            ValueError: as in World, or N is not a multiple of the number of worlds.
         """
         p, v = _paired_points(positions, velocities, "positions", "velocities")
-        rows_per_world = self._rows_per_world(len(p))
+        rows_per_world = self._rows_per_world(len(p), "positions")
         check_no_overlap(self._scenes, p, np.repeat([world.coordinate_scale for world in self.worlds], rows_per_world))
         max_steps = self.worlds[0].num_steps_for(max_time) if self.worlds else 0
         return make_shot(p, v, simulate_rows(self._scenes, p, v, max_steps))
@@ -305,18 +316,20 @@ class WorldBatch:
         """Return the first hits from starts (N, 3) to ends (N, 3), m, each in its world, as World.sweep_batch does.
 
         Raises:
-            ValueError: as there, or N is no multiple of the number of worlds.
+            ValueError: as in World, or N is not a multiple of the number of worlds.
         """
         p, q = _paired_points(starts, ends, "starts", "ends")
-        self._rows_per_world(len(p))
+        self._rows_per_world(len(p), "starts")
         alphas, normals, triangles = sweep_rows(self._scenes, p, q - p)
         return Hit(triangles >= 0, alphas, normals, triangles)  # type: ignore[arg-type]
 
-    def _rows_per_world(self, n: int) -> int:
-        """Return how many of n rows each world has, or raise a ValueError."""
+    def _rows_per_world(self, n: int, what: str) -> int:
+        """Return the number of rows of each world, or raise a ValueError; ``what`` names the argument with n rows."""
         num_worlds = len(self.worlds)
         if n % num_worlds if num_worlds else n:
-            raise ValueError(f"expected a multiple of {num_worlds} rows, as many for each world, received {n}.")
+            raise ValueError(
+                f"{what}: expected a multiple of {num_worlds} rows, received {n}; give each world as many rows."
+            )
         return n // max(1, num_worlds)
 
 
@@ -340,7 +353,7 @@ def _point(value: ArrayLike, what: str) -> FloatArray:
 
 
 def _points(value: ArrayLike, what: str) -> FloatArray:
-    return finite_array(value, (None, 3), what, "give one row of x, y, z a ball.")
+    return finite_array(value, (None, 3), what, "give one row (x, y, z) per ball.")
 
 
 def _paired_points(a: ArrayLike, b: ArrayLike, what_a: str, what_b: str) -> tuple[FloatArray, FloatArray]:

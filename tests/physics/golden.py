@@ -21,10 +21,10 @@ SHOTS_PER_SCENE = 16
 
 
 def spread(lower: tuple[float, ...], upper: tuple[float, ...]) -> FloatArray:
-    """Return SHOTS points (SHOTS, k) that fill a box evenly: multiples of irrational numbers, modulo 1."""
+    """Return SHOTS_PER_SCENE points, one per row, that fill a box evenly: multiples of irrational numbers, modulo 1."""
     steps = np.array([0.618033988749895, 0.414213562373095, 0.732050807568877])[: len(lower)]
-    shares = (np.arange(1, SHOTS_PER_SCENE + 1)[:, None] * steps) % 1.0
-    return np.array(lower) + shares * (np.array(upper) - np.array(lower))
+    fractions = (np.arange(1, SHOTS_PER_SCENE + 1)[:, None] * steps) % 1.0
+    return np.array(lower) + fractions * (np.array(upper) - np.array(lower))
 
 
 def dogleg() -> tuple[World, FloatArray, FloatArray]:
@@ -39,7 +39,7 @@ def dogleg() -> tuple[World, FloatArray, FloatArray]:
 
 
 def furnished() -> tuple[World, FloatArray, FloatArray]:
-    """Return a stored, rotated room with a tetrahedron, and throws in it; impacts conserve energy."""
+    """Return a stored, rotated room with a tetrahedron, and balls launched in it; impacts conserve energy."""
     with np.load(DATA / "golden_steps.npz") as data:
         vertices = data["vertices"][0]
         faces = data["faces"][0]
@@ -66,7 +66,7 @@ def groove() -> tuple[World, FloatArray, FloatArray]:
 
 
 def pyramid() -> tuple[World, FloatArray, FloatArray]:
-    """Return a room under tilted gravity with a block and a tetrahedron, and throws at up to 30 m/s."""
+    """Return a room under tilted gravity with a block and a tetrahedron, and balls launched at up to 30 m/s."""
     bodies = [room(2.0), box([-0.5, -0.5, 0.0], [0.25, 0.0, 0.375]), tetrahedron([0.5, 0.5, 0.5], 0.375)]
     world = World([mesh(body, Surface(damping=0.875)) for body in bodies], gravity=(1.0, -0.5, -9.5), dt=1 / 60)
     return world, spread((-0.5, 0.25, 1.0), (0.0, 0.75, 1.75)), spread((-17.0, -17.0, -17.0), (17.0, 17.0, 17.0))

@@ -196,8 +196,8 @@ def random_room(rng: np.random.Generator, **kwargs: object) -> tuple[World, Floa
 
 def random_surface(rng: np.random.Generator) -> Surface:
     """Return a surface with damping from 0 to 1, some with separate ratios, with or without rolling resistance."""
-    damping, share = (float(rng.choice([0.0, 0.3, 0.7, 0.95, 1.0, rng.random()])) for _ in range(2))
-    restitution, tangential = [(None, None), (share, 1.0), (share, 0.0)][rng.integers(3)]
+    damping, ratio = (float(rng.choice([0.0, 0.3, 0.7, 0.95, 1.0, rng.random()])) for _ in range(2))
+    restitution, tangential = [(None, None), (ratio, 1.0), (ratio, 0.0)][rng.integers(3)]
     return Surface(damping, restitution, tangential, rolling=float(rng.choice([0.0, 0.05, 0.3])))
 
 

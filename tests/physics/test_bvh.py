@@ -13,7 +13,7 @@ from tests.physics.scenes import SOUPS, triangle_soup
 def test_leaves_partition_the_triangles(kind: str) -> None:
     """Every triangle is in one leaf and every node has one parent.
 
-    A child box contains its triangles, and no child has too large a share of them.
+    A child box contains its triangles, and no child has too large a fraction of them.
     """
     triangles = triangle_soup(kind, np.random.default_rng(2))
     nodes, order = build_bvh(triangles)

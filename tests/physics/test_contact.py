@@ -60,7 +60,10 @@ def bounces_in_one_step(world: World, position: FloatArray, velocity: FloatArray
 def test_contact_is_resting_up_to_the_speed_that_gravity_stops_within_the_step(
     dt: float, slope: float, e: float
 ) -> None:
-    """A rebound e u, with u = u0 + g dt / 2, becomes a resting contact up to g dt / 2 along the normal, dt's half."""
+    """A contact is resting up to the rebound speed g_n dt / 2, g_n the normal part of gravity, and bounces above it.
+
+    The approach speed is the average velocity's: the start speed plus g_n dt / 2.
+    """
     rot = rotation_about_y(slope)
     world = World([mesh(grid(10.0, 1), Surface(restitution=e), rot)], dt=dt)
     normal = rot @ [0, 0, 1]
@@ -76,10 +79,10 @@ def test_resting_speed_limit_is_the_same_late_in_a_step() -> None:
     wall = mesh(box([0, -5, -1], [1, 5, 1]), Surface(damping=1.0))
     world = World([floor, wall])
     # The ball falls at 0.6 g dt for 0.4 dt until the wall, then at 0.9 g dt: the rebound of 0.45 g dt is resting.
-    for share, count in ((0.1, 1), (0.3, 2)):
-        gap = 0.4 * (share + 0.5) + 0.3 * (share + 0.8)
+    for fraction, count in ((0.1, 1), (0.3, 2)):
+        gap = 0.4 * (fraction + 0.5) + 0.3 * (fraction + 0.8)
         start = [-BALL_RADIUS - 0.4 * DT, 0.0, BALL_RADIUS + gap * G * DT**2]
-        assert bounces_in_one_step(world, np.array(start), np.array([1.0, 0.0, -share * G * DT])) == count
+        assert bounces_in_one_step(world, np.array(start), np.array([1.0, 0.0, -fraction * G * DT])) == count
 
 
 @pytest.mark.parametrize("impact", ["average", "conservative"])

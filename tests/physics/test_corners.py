@@ -1,4 +1,4 @@
-"""At corners, grooves, wedges, pits, crests and seams no time is lost and no ball penetrates or is kicked."""
+"""At corners, grooves, wedges, pits, crests and seams no time is lost and no ball penetrates or gains speed."""
 
 import math
 
@@ -25,7 +25,7 @@ def checked_run(world: World, p: FloatArray, v: FloatArray, max_time: float = 60
 @pytest.mark.parametrize("damping", [0.0, 0.5, 0.8])
 @pytest.mark.parametrize("seed", range(4))
 def test_ball_rests_in_the_corner_of_a_room(seed: int, damping: float, impact: str) -> None:
-    """With gravity into a corner of three walls a thrown ball comes to rest in contact with all three."""
+    """With gravity into a corner of three walls a moving ball comes to rest in contact with all three."""
     rng = np.random.default_rng(seed)
     rot = rotation(rng)
     world = World(
@@ -92,15 +92,15 @@ def pit(side: float, sides: int) -> Body:
 
 
 @pytest.mark.parametrize("impact", IMPACTS)
-@pytest.mark.parametrize("share", [0.3, 0.9, 1.0 - 1e-6])
+@pytest.mark.parametrize("fraction", [0.3, 0.9, 1.0 - 1e-6])
 @pytest.mark.parametrize("sides", [3, 4, 6])
-def test_ball_rests_on_the_rim_of_a_narrower_pit(sides: int, share: float, impact: str) -> None:
+def test_ball_rests_on_the_rim_of_a_narrower_pit(sides: int, fraction: float, impact: str) -> None:
     """Dropped near the middle of a pit whose inscribed circle is smaller than the ball, it rests on all edges."""
     rot = rotation(np.random.default_rng(sides))
-    world = World([mesh(pit(share * BALL_RADIUS, sides), GREEN, rot)], gravity=rot @ [0, 0, -G], impact=impact)
+    world = World([mesh(pit(fraction * BALL_RADIUS, sides), GREEN, rot)], gravity=rot @ [0, 0, -G], impact=impact)
     shot = checked_run(world, rot @ [1e-4, 2e-4, 1.01 * BALL_RADIUS], np.zeros(3))
     assert shot.status == Status.REST
-    assert rot.T @ shot.position == pytest.approx([0, 0, BALL_RADIUS * math.sqrt(1 - share**2)], abs=1e-7)
+    assert rot.T @ shot.position == pytest.approx([0, 0, BALL_RADIUS * math.sqrt(1 - fraction**2)], abs=1e-7)
 
 
 @pytest.mark.parametrize("impact", IMPACTS)

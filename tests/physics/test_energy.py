@@ -82,9 +82,9 @@ def test_impact_does_not_return_energy_lost_to_rolling_resistance() -> None:
     floor = mesh(grid(10.0, 1), Surface(rolling=0.085))
     wall = mesh(box([0, -1, -1], [1, 1, 1]), Surface(damping=1.0))
     for speed in (0.01, 0.03, 0.1):
-        for share in (0.1, 0.5, 0.9):
+        for fraction in (0.1, 0.5, 0.9):
             world = World([floor, wall], gravity=gravity, impact="conservative", dt=1 / 60)
-            p, v = np.array([-BALL_RADIUS - share * speed / 60, 0.0, BALL_RADIUS]), np.array([speed, 0.0, 0.0])
+            p, v = np.array([-BALL_RADIUS - fraction * speed / 60, 0.0, BALL_RADIUS]), np.array([speed, 0.0, 0.0])
             shot = world.simulate(p, v, max_time=1 / 60)
             assert shot.bounces == 1
             assert energy(world, shot.position, shot.velocity) < energy(world, p, v)
@@ -93,10 +93,11 @@ def test_impact_does_not_return_energy_lost_to_rolling_resistance() -> None:
 def test_conservative_grazing_impact_keeps_the_energy() -> None:
     """A ball whose path hits a wall but whose velocity already separates continues undamped."""
     dt = 1 / 60
-    for press, share in ((0.1, 0.25), (0.1, 0.4), (0.3, 0.2)):
-        gravity = G * np.array([np.sqrt(1 - press**2), 0.0, -press])
-        rise = 0.5 * (share + 0.5) * press * G * dt  # Between the speeds lost until the contact and until half time.
-        gap = share * dt * (0.5 * press * G * dt - rise)
+    for load_ratio, fraction in ((0.1, 0.25), (0.1, 0.4), (0.3, 0.2)):
+        gravity = G * np.array([np.sqrt(1 - load_ratio**2), 0.0, -load_ratio])
+        rise = 0.5 * (fraction + 0.5) * load_ratio * G * dt
+        # The start speed lies between those that gravity takes until the contact and until the middle of the step.
+        gap = fraction * dt * (0.5 * load_ratio * G * dt - rise)
         wall = mesh(grid(20.0, 1), Surface(damping=0.3))
         world = World([wall], gravity=gravity, dt=dt, impact="conservative")
         p, v = np.array([0.0, 0.0, BALL_RADIUS + gap]), np.array([1.0, 0.5, rise])

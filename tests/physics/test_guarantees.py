@@ -155,11 +155,11 @@ import os, numba, numpy as np
 from minigolf_env.courses import load_course
 numba.set_num_threads(numba.config.NUMBA_NUM_THREADS)
 world, rng = load_course("room").world(), np.random.default_rng(0)
-starts, ways = np.tile([0.0, 0.0, 0.5], (200, 1)), rng.normal(size=(200, 3))
-before = world.simulate_batch(starts, ways).position
+starts, velocities = np.tile([0.0, 0.0, 0.5], (200, 1)), rng.normal(size=(200, 3))
+before = world.simulate_batch(starts, velocities).position
 child = os.fork()
 if child == 0:
-    os._exit(0 if (world.simulate_batch(starts, ways).position == before).all() else 1)
+    os._exit(0 if (world.simulate_batch(starts, velocities).position == before).all() else 1)
 print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
 """
     done = subprocess.run([sys.executable, "-W", "ignore", "-c", code], capture_output=True, text=True, timeout=120)

@@ -49,7 +49,7 @@ def build_world(change: Change = lambda body: body, gravity: FloatArray = GRAVIT
     return World([mesh(change(BODIES[name]), SURFACES[name]) for name in BODIES], gravity=gravity, **kwargs)  # type: ignore[arg-type]
 
 
-def throws(count: int = 12) -> tuple[FloatArray, FloatArray]:
+def random_starts(count: int = 12) -> tuple[FloatArray, FloatArray]:
     """Return positions and velocities of balls in the furnished room."""
     rng = np.random.default_rng(3)
     starts = rng.uniform([-0.9, -0.9, 0.9], [0.9, 0.9, 1.9], (count, 3))
@@ -68,7 +68,7 @@ def has_same_bits(shots: Shot, expected: Shot, unit: float = 1.0) -> bool:
 def test_rotated_world_gives_the_rotated_run(seed: int, impact: str) -> None:
     """Rotating everything rotates the path; rounding errors grow at each bounce and stay below 1e-8 m."""
     rot = rotation(np.random.default_rng(seed))
-    p, v = throws()
+    p, v = random_starts()
     expected = build_world(impact=impact).simulate_batch(p, v, MAX_TIME)
     rotated = build_world(lambda body: (body[0] @ rot.T, body[1]), rot @ GRAVITY, impact=impact)
     shots = rotated.simulate_batch(p @ rot.T, v @ rot.T, MAX_TIME)
@@ -82,7 +82,7 @@ def test_rotated_world_gives_the_rotated_run(seed: int, impact: str) -> None:
 @pytest.mark.parametrize("move", [[1.0, -2.0, 3.0], [1e3, 1e3, 0.0]])
 def test_translated_world_gives_the_translated_run(move: list[float], impact: str) -> None:
     """Moving everything moves the path; far from the origin coordinates and the tolerance have larger errors."""
-    p, v = throws()
+    p, v = random_starts()
     expected = build_world(impact=impact).simulate_batch(p, v, MAX_TIME)
     moved = build_world(lambda body: (body[0] + move, body[1]), impact=impact)
     shots = moved.simulate_batch(p + move, v, MAX_TIME)
@@ -95,7 +95,7 @@ def test_translated_world_gives_the_translated_run(move: list[float], impact: st
 def test_scaling_lengths_by_powers_of_two_keeps_the_bits(k: int, impact: str) -> None:
     """All lengths times 2**k give the same bits until rest, so no length or speed is built in."""
     unit = 2.0**k
-    p, v = throws()
+    p, v = random_starts()
     expected = build_world(impact=impact).simulate_batch(p, v)
     scaled = build_world(
         lambda body: (unit * body[0], body[1]), unit * GRAVITY, impact=impact, ball_radius=unit * BALL_RADIUS
@@ -108,7 +108,7 @@ def test_scaling_lengths_by_powers_of_two_keeps_the_bits(k: int, impact: str) ->
 def test_scaling_times_by_powers_of_two_keeps_the_bits(k: int, impact: str) -> None:
     """All times times 2**k give the same bits, so no duration is built in."""
     unit = 2.0**k
-    p, v = throws()
+    p, v = random_starts()
     expected = build_world(impact=impact).simulate_batch(p, v)
     slower = build_world(gravity=GRAVITY / unit**2, impact=impact, dt=unit / 120)
     shots = slower.simulate_batch(p, v / unit, 30.0 * unit)
@@ -123,7 +123,7 @@ def test_order_of_faces_does_not_matter(impact: str) -> None:
     Then the normal of the first triangle counts, and the normals of two faces at one point differ by rounding.
     """
     rng = np.random.default_rng(8)
-    p, v = throws(40)
+    p, v = random_starts(40)
     world = build_world(impact=impact)
     shuffled = build_world(lambda body: (body[0], rng.permutation(body[1])), impact=impact)
     hits = world.sweep_batch(p, p + v)
@@ -140,7 +140,7 @@ def test_order_of_faces_does_not_matter(impact: str) -> None:
 @pytest.mark.parametrize("first", [1, 2])
 def test_first_corner_of_a_face_does_not_matter(first: int, impact: str) -> None:
     """Faces that start at another corner change the path only by rounding."""
-    p, v = throws()
+    p, v = random_starts()
     expected = build_world(impact=impact).simulate_batch(p, v, MAX_TIME)
     shots = build_world(lambda body: (body[0], np.roll(body[1], first, axis=1)), impact=impact).simulate_batch(
         p, v, MAX_TIME
@@ -171,7 +171,7 @@ def snapped_to_lattice(body: Body) -> Body:
 @pytest.mark.parametrize("impact", IMPACTS)
 def test_subdivided_faces_give_the_same_run(impact: str) -> None:
     """Dividing every face into 4, 16 and 64 coplanar faces changes the path only by rounding."""
-    p, v = throws()
+    p, v = random_starts()
     expected = build_world(snapped_to_lattice, impact=impact).simulate_batch(p, v, MAX_TIME)
     change = snapped_to_lattice
     for _ in range(3):
@@ -212,7 +212,7 @@ def test_putt_does_not_depend_on_the_number_of_floor_triangles() -> None:
 
 def test_winding_of_two_sided_faces_does_not_matter() -> None:
     """Reversed winding of two-sided faces changes the path only by rounding."""
-    p, v = throws()
+    p, v = random_starts()
     worlds = []
     for step in (1, -1):
         meshes = [TriangleMesh(BODIES[n][0], BODIES[n][1][:, ::step], SURFACES[n], two_sided=True) for n in BODIES]

@@ -114,8 +114,8 @@ def stays_at_rest(world: World, p: FloatArray) -> bool:
 @pytest.mark.parametrize("damping", [0.0, 0.7, 1.0])
 def test_rolling_resistance_holds_a_ball_up_to_its_limit(c: float, damping: float) -> None:
     """A ball placed on a slope stays at rest exactly when tan(beta) <= c."""
-    for share, is_at_rest in ((0.5, True), (1 - 1e-9, True), (1 + 1e-9, False), (1.5, False)):
-        rot = rotation_about_y(math.atan(c) * share)
+    for fraction, is_at_rest in ((0.5, True), (1 - 1e-9, True), (1 + 1e-9, False), (1.5, False)):
+        rot = rotation_about_y(math.atan(c) * fraction)
         world = World([mesh(grid(10.0, 1), Surface(damping=damping, rolling=c), rot)])
         assert stays_at_rest(world, rot @ [0, 0, BALL_RADIUS]) == is_at_rest
 

@@ -1,4 +1,4 @@
-"""The SIMD fast path on flat ground equals the reference step bit for bit, and is entered only where that holds."""
+"""The rolling batch on flat ground equals the reference step bit for bit, and is entered only where that holds."""
 
 import math
 
@@ -70,7 +70,7 @@ def random_floor(rng: np.random.Generator) -> tuple[World, FloatArray, FloatArra
 
 @pytest.mark.parametrize("first", range(0, 200, 10))
 def test_batch_equals_recorded_single_runs_bitwise(first: int) -> None:
-    """Recorded runs never use the fast path; a batch of the same balls ends with the same bits."""
+    """Recorded runs never use the rolling batch; a batch of the same balls ends with the same bits."""
     for seed in range(first, first + 10):
         world, positions, velocities = random_floor(np.random.default_rng([7, seed]))
         batch = world.simulate_batch(positions, velocities, 5.0)
@@ -91,7 +91,7 @@ def supporting_rows(world: World, p: FloatArray) -> list[int]:
 
 
 def try_one_step(world: World, scratch: Scratch, p: FloatArray, v: FloatArray, row: int) -> tuple[bool, bool]:
-    """Try to enter the fast path and advance one step; return whether the ball entered and whether it advanced.
+    """Try to enter the rolling batch and advance one step; return whether the ball entered and whether it advanced.
 
     A ball that advanced must equal the reference step, one that did not must be unchanged.
     """
@@ -114,8 +114,8 @@ def try_one_step(world: World, scratch: Scratch, p: FloatArray, v: FloatArray, r
     return True, rolled
 
 
-def test_fast_path_matches_reference_step_bitwise() -> None:
-    """Balls hover, sink, rise or fall by more or less than the tolerance: each fast step equals the reference step.
+def test_rolling_batch_matches_reference_step_bitwise() -> None:
+    """Balls hover, sink, rise or fall by more or less than the tolerance: each of its steps equals the reference step.
 
     Balls that do not advance stay unchanged. The sample must contain many of both.
     """
@@ -138,8 +138,8 @@ def test_fast_path_matches_reference_step_bitwise() -> None:
     assert entered - rolled > 500
 
 
-def test_fast_path_covers_the_whole_flat_run_and_no_more() -> None:
-    """In the middle of a floor the fast path takes all steps of its lookahead, across seams, and then ends."""
+def test_rolling_batch_covers_the_whole_flat_run_and_no_more() -> None:
+    """In the middle of a floor the rolling batch takes all steps of its lookahead, across seams, and then ends."""
     world = World([TriangleMesh(*subdivide(*inside_out(box([-5, -5, 0], [5, 5, 1]))))], ball_radius=BALL_RADIUS)
     scratch = new_scratch()
     record = scratch.rolling_batch[0]
@@ -162,7 +162,9 @@ FLOOR_SURFACE = Surface(0.7)
 @pytest.mark.parametrize("separate", [False, True])
 @pytest.mark.parametrize("two_sided", [None, True])
 @pytest.mark.parametrize("height", [0.0, 1e-14, 3e-12, 1e-9])
-def test_fast_path_needs_one_plane_of_one_closed_mesh(height: float, two_sided: bool | None, separate: bool) -> None:
+def test_rolling_batch_needs_one_plane_of_one_closed_mesh(
+    height: float, two_sided: bool | None, separate: bool
+) -> None:
     """On a slab in the floor a ball enters if both are one plane of one mesh, and never at the slab's sides."""
     floor = box([-4, -4, -0.7], [4, 4, 0])
     slab = box([-0.5, -0.5, -0.5], [0.5, 0.5, height])
@@ -173,7 +175,7 @@ def test_fast_path_needs_one_plane_of_one_closed_mesh(height: float, two_sided: 
     is_flat = height < 1e-12 and two_sided is None and not separate
     for direction in (1.0, -1.0):
         assert [
-            enters_fast_path(world, [0.0, 0.1, BALL_RADIUS], direction, row)
+            enters_rolling_batch(world, [0.0, 0.1, BALL_RADIUS], direction, row)
             for row in supporting_rows(world, np.array([0.0, 0.1, BALL_RADIUS]))
         ] in (
             [is_flat],
@@ -181,11 +183,11 @@ def test_fast_path_needs_one_plane_of_one_closed_mesh(height: float, two_sided: 
         )
         for x in (0.5 - 1.01 * BALL_RADIUS, 0.5 + 1.01 * BALL_RADIUS):
             rows = supporting_rows(world, np.array([x, 0.1, BALL_RADIUS]))
-            assert not any(enters_fast_path(world, [x, 0.1, BALL_RADIUS], direction, row) for row in rows)
+            assert not any(enters_rolling_batch(world, [x, 0.1, BALL_RADIUS], direction, row) for row in rows)
 
 
 @pytest.mark.parametrize("obstacle", [box([0.0, -0.5, -0.5], [0.5, 0.5, 0.1]), sphere([0.0, 0.0, 0.0], 1e-3)])
-def test_fast_path_is_not_entered_near_an_obstacle(obstacle: Body) -> None:
+def test_rolling_batch_is_not_entered_near_an_obstacle(obstacle: Body) -> None:
     """A ball that nearly touches an obstacle does not enter in any direction; a distant one does."""
     world = World(
         [TriangleMesh(*inside_out(box([-5, -5, 0], [5, 5, 1])), FLOOR_SURFACE), TriangleMesh(*obstacle, FLOOR_SURFACE)]
@@ -194,19 +196,19 @@ def test_fast_path_is_not_entered_near_an_obstacle(obstacle: Body) -> None:
     for direction in (1.0, -1.0):
         for x, free in ((-1.01 * r, False), (-3.0 * r, direction < 0.0), (-1.0, True)):
             [row] = supporting_rows(world, np.array([x, 0.05 * r, r]))
-            assert enters_fast_path(world, [x, 0.05 * r, r], direction, row) == free
+            assert enters_rolling_batch(world, [x, 0.05 * r, r], direction, row) == free
 
 
-def test_fast_path_needs_ground_below_the_ball() -> None:
+def test_rolling_batch_needs_ground_below_the_ball() -> None:
     """A ball next to a table, as high as if it rested on it, does not roll along the table's plane."""
     meshes = [TriangleMesh(*inside_out(box([-5, -5, -1], [5, 5, 1]))), TriangleMesh(*box([-4, -4, -0.5], [0, 4, 0.0]))]
     world = World(meshes, ball_radius=BALL_RADIUS)
     [row] = supporting_rows(world, np.array([-1.0, 0.1, BALL_RADIUS]))
     for x, expected in ((-1.0, True), (3.0 * BALL_RADIUS, False), (1.0, False)):
-        assert enters_fast_path(world, [x, 0.1, BALL_RADIUS], 1.0, row) == expected
+        assert enters_rolling_batch(world, [x, 0.1, BALL_RADIUS], 1.0, row) == expected
 
 
-def test_balls_on_flat_ground_enter_the_fast_path() -> None:
+def test_balls_on_flat_ground_enter_the_rolling_batch() -> None:
     """Balls of a batch enter within its first steps; only the run time would reveal that they did not."""
     floor = inside_out(box([-1.0, -1.0, 0.0], [1.0, 1.0, 1.0]))
     world = World([TriangleMesh(*floor, Surface(rolling=0.1))], ball_radius=BALL_RADIUS)
@@ -220,7 +222,7 @@ def test_balls_on_flat_ground_enter_the_fast_path() -> None:
     assert (world.scene.triangles["a"][scratch.rolling_batch["support"][0], 2] == 0.0).all()
 
 
-def test_fast_path_ends_at_the_bounds() -> None:
+def test_rolling_batch_ends_at_the_bounds() -> None:
     """A ball that rolls out of any side ends in the same step as in a single run."""
     bounds = [[-0.4, -0.3, -1.0], [0.3, 0.4, 1.0]]
     world = World([TriangleMesh(*inside_out(box([-5, -5, 0], [5, 5, 1])))], ball_radius=BALL_RADIUS, bounds=bounds)
@@ -233,8 +235,8 @@ def test_fast_path_ends_at_the_bounds() -> None:
         assert (batch.status[i], batch.time[i]) == (single.status, single.time)  # type: ignore[index]
 
 
-def enters_fast_path(world: World, p: list[float], direction: float, row: int) -> bool:
-    """Return whether a ball that rolls along x on a triangle enters the fast path."""
+def enters_rolling_batch(world: World, p: list[float], direction: float, row: int) -> bool:
+    """Return whether a ball that rolls along x on a triangle enters the rolling batch."""
     scratch = new_scratch()
     scratch.rolling_batch[0]["support"][0] = row
     return bool(

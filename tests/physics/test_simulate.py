@@ -68,7 +68,7 @@ def test_steps_follow_the_exact_golden_runs(run: int) -> None:
 
 
 def furnished_room(seed: int, **kwargs: object) -> tuple[World, FloatArray, FloatArray]:
-    """Return a rotated room with a box, a sphere and a tetrahedron, and a ball thrown in it."""
+    """Return a rotated room with a box, a sphere and a tetrahedron, and the start of a ball in it."""
     rng = np.random.default_rng(seed)
     rot = rotation(rng)
     bodies = [box_room(), box([-0.3, -0.3, 0.0], [0.1, 0.2, 0.4]), sphere([0.5, 0.4, 0.3], 0.25)]

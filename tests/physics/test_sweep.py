@@ -77,9 +77,9 @@ def points_near(kind: str, inside: bool, rng: np.random.Generator) -> FloatArray
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     middle = vertices.mean(axis=0)
     features = np.concatenate([corners.mean(axis=1), corners[:, :2].mean(axis=1), corners[:, 0]])
-    share = rng.uniform(0.02, 0.9, (len(features), 1))
+    fraction = rng.uniform(0.02, 0.9, (len(features), 1))
     # All solids are convex: towards the middle is inside, away from it outside.
-    return middle + (features - middle) * ((1 - share) if inside else (1 + share))
+    return middle + (features - middle) * ((1 - fraction) if inside else (1 + fraction))
 
 
 @pytest.mark.parametrize("kind", SOLIDS)
@@ -120,8 +120,8 @@ def test_hole_captures_a_ball_below_the_free_fall_speed(offset: float, speed: fl
     limit = flight * math.sqrt(g / (2 * r))
     assert limit == pytest.approx(speed, abs=1.5e-3)
     world = World([mesh(floor_with_hole(0.054), Surface(restitution=0.3, tangential=1.0, rolling=0.0))])
-    for share in (0.3, 0.7, 0.98):
-        shot = world.simulate([-0.2, offset * hole, r], [share * limit, 0, 0], max_time=5.0)
+    for fraction in (0.3, 0.7, 0.98):
+        shot = world.simulate([-0.2, offset * hole, r], [fraction * limit, 0, 0], max_time=5.0)
         assert shot.position[2] < -r
 
 

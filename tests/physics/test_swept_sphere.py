@@ -23,7 +23,7 @@ def scale_of(start: FloatArray, end: FloatArray, radius: float, triangles: Float
 
 
 def fault_of(case: Case) -> str:
-    """Return the oracle's objection to the package's result for a case of one triangle; "" if there is none."""
+    """Return the difference of the package's result from the oracle's for one triangle; "" if there is none."""
     hit = sweep_sphere(*case)
     if hit.hit and not (np.isfinite(hit.normal).all() and abs(np.linalg.norm(hit.normal) - 1.0) < 1e-12):
         return f"normal {hit.normal} is not a unit vector"
@@ -31,7 +31,7 @@ def fault_of(case: Case) -> str:
 
 
 def reference_faults(i: int) -> list[str]:
-    """Return the differences from a reference vector's exact result, where the verdict is clear."""
+    """Return the differences from a reference vector's exact result, where hit or miss is certain."""
     start, end, radius, triangle = (VECTORS[name][i] for name in ("start", "end", "radius", "triangle"))
     alpha = float(VECTORS["alpha"][i])
     normal = VECTORS["normal"][i]
@@ -56,7 +56,7 @@ def reference_faults(i: int) -> list[str]:
 
 @pytest.mark.parametrize("family", sorted(set(VECTORS["family"].tolist())))
 def test_sweeps_agree_with_the_reference_vectors(family: str) -> None:
-    """Hit, alpha and normal agree with the exact results in every family of the conformance data."""
+    """Hit, alpha and normal agree with the exact results in every family of the reference data."""
     wrong = [(int(i), faults) for i in np.flatnonzero(VECTORS["family"] == family) if (faults := reference_faults(i))]
     assert not wrong, f"{len(wrong)} of 400, first: {wrong[0]}"
 
@@ -174,7 +174,7 @@ def test_brute_force_sweep_is_the_first_hit_of_its_triangles(
 
 
 def clear_cases(count: int) -> list[tuple[Case, Hit]]:
-    """Return random cases with one triangle and a steep hit, whose verdict survives moving the world."""
+    """Return random cases with one triangle and a steep hit, whose result survives moving the world."""
     rng = np.random.default_rng(11)
     cases = []
     while len(cases) < count:
@@ -213,8 +213,8 @@ def test_splitting_a_path_keeps_the_hit() -> None:
         middle = start + 0.5 * hit.alpha * (end - start)
         assert not sweep_sphere(start, middle, radius, triangles).hit
         rest = sweep_sphere(middle, end, radius, triangles)
-        share = 0.5 * hit.alpha + rest.alpha * (1.0 - 0.5 * hit.alpha)
-        assert share == pytest.approx(hit.alpha, abs=1e-10)
+        fraction = 0.5 * hit.alpha + rest.alpha * (1.0 - 0.5 * hit.alpha)
+        assert fraction == pytest.approx(hit.alpha, abs=1e-10)
 
 
 def test_hand_worked_face_edge_and_vertex() -> None:
@@ -307,9 +307,9 @@ def test_ridge_edge_is_hit_exactly_when_deeper_than_the_tolerance(depth: float) 
     for _ in range(500):
         tilt = 10.0 ** rng.uniform(-4, -0.5)
         angle = rng.uniform(-1.3, 1.3)
-        share = rng.uniform(0.1, 0.9)
+        fraction = rng.uniform(0.1, 0.9)
         ridge = np.array([[[0.0, -1.0, 0.0], [1.0, -1.0, -tilt], [0.0, 1.0, 0.0]]])
         direction = 10.0 ** rng.uniform(-2, -1) * np.array([np.cos(angle), np.sin(angle), 0.0])
-        start = np.array([0.0, rng.uniform(-0.5, 0.5), 0.02 - depth]) - share * direction
+        start = np.array([0.0, rng.uniform(-0.5, 0.5), 0.02 - depth]) - fraction * direction
         for a, b in ((start, start + direction), (start + direction, start)):
             assert sweep_sphere(a, b, 0.02, ridge).hit == (depth > 5e-13)

@@ -1,5 +1,7 @@
 """Argument validation of World: what it refuses, what it accepts, and what its errors say."""
 
+import copy
+import pickle
 from collections.abc import Callable
 
 import numpy as np
@@ -200,3 +202,12 @@ def test_each_mesh_has_its_own_surface() -> None:
     world = World([floors[0], apart], gravity=(0, 0, 0))
     for x, d in ((0.1, 0.25), (2.1, 0.75)):
         assert world.step([x, 0, BALL_RADIUS + 1e-3], [0, 0, -1])[1] == pytest.approx([0, 0, d], abs=1e-15)
+
+
+def test_world_is_immutable() -> None:
+    """Setting an attribute raises, as the compiled scene would not change; copies and pickles work."""
+    world = World([HALL])
+    for name in ("dt", "gravity", "meshes", "unknown"):
+        with pytest.raises(AttributeError, match=f"World.{name} cannot be set"):
+            setattr(world, name, 1.0)
+    assert pickle.loads(pickle.dumps(world)).dt == copy.copy(world).dt == world.dt  # noqa: S301 (own data)

@@ -59,7 +59,9 @@ def test_rejects_batches_that_do_not_fit(worlds: list[World]) -> None:
     positions[2, 2] -= 0.01
     with pytest.raises(ValueError, match="position 2: expected a ball in free space"):
         batch.simulate_batch(positions, np.zeros((4, 3)))
-    with pytest.raises(ValueError, match="a multiple of 4 rows, as many for each world, received 3"):
+    with pytest.raises(
+        ValueError, match="positions: expected a multiple of 4 rows, received 3; give each world as many"
+    ):
         batch.simulate_batch(positions[:3], np.zeros((3, 3)))
     with pytest.raises(ValueError, match="a multiple of 0 rows"):
         WorldBatch([]).sweep_batch(positions, positions)
