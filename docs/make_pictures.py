@@ -15,8 +15,10 @@ from minigolf_env.players.search import search
 from minigolf_env.rendering.gl.offscreen import draw
 from minigolf_env.rendering.replay import Replay
 
-FOLDER = Path(__file__).parent / "pictures"
+IMAGE_FOLDER = Path(__file__).parent / "pictures"
+"""Folder of the images."""
 IMAGE_SIZE = (960, 540)
+"""Width and height of the image of a hole-in-one, pixels."""
 
 
 def draw_hole_in_one(time: float) -> Image.Image:
@@ -41,6 +43,6 @@ def draw_levels(numbers: range, size: tuple[int, int] = (300, 225)) -> Image.Ima
 
 
 if __name__ == "__main__":
-    FOLDER.mkdir(exist_ok=True)
-    draw_hole_in_one(1.75).save(FOLDER / "dogleg.jpg", quality=90)
-    draw_levels(range(4)).save(FOLDER / "levels.jpg", quality=88)
+    IMAGE_FOLDER.mkdir(exist_ok=True)
+    draw_hole_in_one(1.75).save(IMAGE_FOLDER / "dogleg.jpg", quality=90)
+    draw_levels(range(4)).save(IMAGE_FOLDER / "levels.jpg", quality=88)

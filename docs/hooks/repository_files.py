@@ -1,4 +1,4 @@
-"""Gives files outside docs/ that pages link to a page of their own, so that the same links work on a code host.
+"""Adds a page for each file outside docs/ that a page links to, so that the same links work on a code host.
 
 The site is docs/ laid over the root of the repository. docs/courses.md becomes courses.html. agents/x.py becomes
 agents/x.py.html, a page with its source. notebooks/x.ipynb becomes notebooks/x.ipynb.html, the rendered notebook.
