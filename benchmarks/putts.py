@@ -14,6 +14,7 @@ import tyro
 
 from benchmarks.failure_counts import count_stuck
 from minigolf_env.courses import list_courses, load_course
+from minigolf_env.courses.library import ROOM_NAMES
 from minigolf_env.envs.config import build_task
 from minigolf_env.physics import Status
 
@@ -28,7 +29,7 @@ class Args:
     """RNG seed of the putts."""
     positions: int = 500
     """Number of resting positions from which putts are tried."""
-    courses: tuple[str, ...] = (*list_courses(), "room")
+    courses: tuple[str, ...] = (*list_courses(), *ROOM_NAMES)
     """Names of the courses."""
 
 
