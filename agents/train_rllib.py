@@ -38,6 +38,9 @@ from minigolf_env.players.policies import load_policy
 ENV_ID = "minigolf_env:MiniGolf-v0"
 """Environment with its module's name, which a worker on another node must import to register it."""
 
+SAMPLE_TIMEOUT = 600.0
+"""Time in which the workers have to return samples, s; the first ones include compilation and building the levels."""
+
 MODULE_ID = "default_policy"
 """RLlib's name of the only network."""
 
@@ -192,6 +195,7 @@ def make_algorithm(config: RLlibConfig) -> Any:
             num_envs_per_env_runner=config.n_envs,
             rollout_fragment_length=config.n_steps,
             gym_env_vectorize_mode="vector_entry_point",
+            sample_timeout_s=SAMPLE_TIMEOUT,
         )
         .training(
             learner_class=make_learner_class(config),
