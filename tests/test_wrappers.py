@@ -156,7 +156,7 @@ def test_warns_about_videos_that_it_will_replace(tmp_path: Path) -> None:
 
 
 def test_copy_plays_on_without_recording_and_spec_remakes_the_wrapper(tmp_path: Path) -> None:
-    """A copy can start a video of its own; the original's is not disturbed."""
+    """A copy can start a separate video; that of the original is not disturbed."""
     env = RecordVideo(make(), tmp_path, always, fps=FPS)
     env.reset(seed=0)
     for copied in (copy.deepcopy(env), pickle.loads(pickle.dumps(env))):  # noqa: S301 (its own)

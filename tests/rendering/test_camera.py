@@ -40,7 +40,7 @@ def test_fitted_camera_shows_the_whole_course_and_no_more_than_needed(course: st
 
 
 def test_top_camera_has_x_to_the_right_and_y_up() -> None:
-    """An action points in the image as it does on the course."""
+    """The top camera shows x to the right and y up, as in an action."""
     camera = make_camera("top", DOGLEG, np.zeros(3), 1.0)
     origin, x, y = project(camera, np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]), 1.0)
     assert x[0] > origin[0] + 0.1 and y[1] > origin[1] + 0.1
@@ -56,7 +56,7 @@ def test_follow_camera_has_the_ball_in_the_middle_third() -> None:
 
 
 def test_follow_camera_looks_along_the_route() -> None:
-    """It looks along x on the first segment, along y on the second; next to the cup still along the last segment."""
+    """The camera looks along x on the first segment and along y on the second, also next to the cup."""
     for ball, ahead in [((0.4, 0.6), (1, 0)), ((3.4, 1.3), (0, 1)), ((3.45, 2.05), (0, 1)), ((3.45, 2.2), (0, 1))]:
         forward = follow_camera(DOGLEG, (*ball, 0.02), 1.0).axes()[2][:2]
         assert forward @ ahead > 0.8 * np.linalg.norm(forward)
@@ -83,7 +83,7 @@ def test_axes_are_orthonormal_and_right_handed() -> None:
 
 
 def test_orbit_camera_returns_after_a_whole_turn() -> None:
-    """It moves with the time shown: 30 s are a turn."""
+    """The orbit camera makes a whole turn in 30 s."""
     ball = np.zeros(3)
     first, later, full_turn = (make_camera("orbit", DOGLEG, ball, 1.0, time) for time in (0.0, 7.5, 30.0))
     assert np.linalg.norm(np.subtract(first.eye, later.eye)) > 1.0
@@ -91,6 +91,6 @@ def test_orbit_camera_returns_after_a_whole_turn() -> None:
 
 
 def test_cameras_compare_and_hash_by_value() -> None:
-    """Cached backgrounds are found by the camera."""
+    """Equal cameras have equal hashes, so that they are keys of the cached backgrounds."""
     camera = make_camera("tee", DOGLEG, np.zeros(3), 1.0)
     assert camera == dataclasses.replace(camera) and hash(camera) == hash(dataclasses.replace(camera))

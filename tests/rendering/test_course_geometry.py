@@ -33,7 +33,7 @@ def test_geometry_has_every_triangle_once_with_its_winding(name: str) -> None:
 
 
 def test_triangles_without_area_are_left_out() -> None:
-    """They have no normal and no pixels."""
+    """Triangles without area, which have no normal, are not in the vertex arrays."""
     box = trimesh.creation.box()
     faces = np.concatenate([box.faces, [[0, 0, 1], [0, 1, 1]]])
     thing = Part("thing", TriangleMesh(box.vertices, faces), "stone")

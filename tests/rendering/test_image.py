@@ -47,7 +47,7 @@ def test_tile_fills_rows_and_chooses_the_closest_aspect() -> None:
 
 
 def test_tile_rejects_no_images_and_different_sizes() -> None:
-    """The message says what was expected."""
+    """No images, or images of different sizes, are an error that says what was expected."""
     with pytest.raises(ValueError, match="at least one"):
         tile([])
     with pytest.raises(ValueError, match="one size"):

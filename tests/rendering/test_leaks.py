@@ -22,7 +22,7 @@ def test_environments_leak_no_memory_and_no_descriptors() -> None:
 
 
 def test_images_leak_no_memory_and_no_descriptors() -> None:
-    """A thousand more images need no more memory."""
+    """A thousand more images use no more memory."""
     grown = growth_of_images(1000)
     assert grown.descriptors <= 0
     assert grown.megabytes < 4.0

@@ -78,7 +78,7 @@ def hash_images(*images: Image) -> str:
 
 @pytest.mark.parametrize("profile", ["high", "fast"])
 def test_drawing_twice_gives_equal_bits(profile: str) -> None:
-    """Another image is drawn in between."""
+    """Drawing another image in between changes no pixel."""
     first = draw_dogleg(profile=profile)
     draw_dogleg(camera="top", profile=profile)
     assert (draw_dogleg(profile=profile) == first).all()
@@ -98,7 +98,7 @@ def test_new_process_with_any_number_of_threads_gives_equal_bits(threads: str) -
 @pytest.mark.parametrize("camera", ["top", "tee", "orbit"])
 @pytest.mark.parametrize("name", ["dogleg", "room"])
 def test_dirty_rectangle_gives_the_bits_of_a_full_redraw(name: str, camera: str, profile: str) -> None:
-    """Balls are anywhere, in the air and next to the course, the flag in and out of the cup, some with lines."""
+    """Cases: balls anywhere, in the air and next to the course, the flag in and out of the cup, some with lines."""
     course = load_course(name)
     rng = np.random.default_rng(0)
     size = (96, 72)
@@ -116,7 +116,7 @@ def test_dirty_rectangle_gives_the_bits_of_a_full_redraw(name: str, camera: str,
 
 
 def test_threads_give_equal_bits() -> None:
-    """Four threads draw at the same time."""
+    """Four threads that draw at the same time get equal images."""
     expected, drawn = draw_dogleg(), []
     threads = [threading.Thread(target=lambda: drawn.append(draw_dogleg())) for _ in range(4)]
     for thread in threads:
@@ -151,7 +151,7 @@ def test_images_equal_the_stored_ones(name: str) -> None:
 
 
 def test_hidden_ball_has_a_ghost() -> None:
-    """Behind the border a pale disc shows the position of the ball; a visible ball has none."""
+    """A pale disc shows a ball behind the border; a visible ball has none."""
     camera = Camera((-0.6, 0.6, 0.15), (0.3, 0.6, 0.0))
     hidden = make_state((0.03, 0.6))._replace(lines=())
     elsewhere = hidden._replace(ball=hidden.ball + np.array([3.0, 0.0, 0.0]))
@@ -284,14 +284,14 @@ def test_rejects_sizes_beyond_the_drivers_limit(monkeypatch: pytest.MonkeyPatch)
 
 
 def test_draws_odd_and_tiny_sizes() -> None:
-    """The smallest size is one pixel."""
+    """Images of odd sizes, down to one pixel, are drawn."""
     for size in ((1, 1), (3, 7), (101, 33)):
         image = draw(DOGLEG, make_camera("top", DOGLEG, np.zeros(3), 1.0), make_state(), size)
         assert image.shape == (size[1], size[0], 3)
 
 
 def test_forked_child_raises_instead_of_hanging() -> None:
-    """OpenGL does not survive a fork."""
+    """Drawing in a forked child raises an error, since OpenGL does not survive a fork."""
     code = """
 draw_dogleg()
 import multiprocessing
@@ -305,7 +305,7 @@ process = fork.Process(target=child, args=(queue,)); process.start(); print(queu
 
 
 def test_opengl_is_not_imported_before_the_first_image() -> None:
-    """Neither the import of the package nor make, reset and step load it."""
+    """Neither the import of the package nor make, reset and step load OpenGL."""
     code = (
         "import sys, gymnasium as gym, minigolf_env; env = gym.make('MiniGolf-v0', render_mode='rgb_array'); "
         "env.reset(seed=0); env.step([0.1, 0]); print(*sorted({'OpenGL', 'pyglet'} & set(sys.modules)))"

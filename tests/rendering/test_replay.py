@@ -29,7 +29,7 @@ def make_replay(camera: str = "follow", speed: float = 3.0, angle: float = 0.3, 
 
 
 def test_ball_is_at_the_simulated_position() -> None:
-    """At every recorded time, at the start, and after the end."""
+    """The ball is on the simulated path at every recorded time, at the start, and after the end."""
     shot = WORLD.simulate(TEE, (2.0, 0.5, 0.0), record=True)
     assert shot.path is not None and shot.times is not None
     replay = Replay(DOGLEG, shot.path, shot.times, "top", 1.0)
@@ -61,7 +61,7 @@ def test_rotation_stays_orthogonal_and_continues_with_the_next_putt() -> None:
 
 
 def test_flag_is_lifted_when_the_ball_approaches_the_cup() -> None:
-    """It stands in the cup while the ball is far, is lifted above the cup, and moves smoothly in between."""
+    """The flag stands in the cup while the ball is far, is lifted above the cup, and moves smoothly in between."""
     assert DOGLEG.cup is not None
     x, y, rim = DOGLEG.cup.position
     bottom = rim - DOGLEG.cup.depth
@@ -73,7 +73,7 @@ def test_flag_is_lifted_when_the_ball_approaches_the_cup() -> None:
 
 @pytest.mark.parametrize("speed", [1.0, 3.0, 6.0])
 def test_follow_camera_moves_smoothly(speed: float) -> None:
-    """Its velocity and the change of it from frame to frame are bounded, also from one putt to the next."""
+    """Velocity and acceleration of the follow camera are bounded, also from one putt to the next."""
     first = make_replay(speed=speed)
     end = first.scene_state(first.shot_time).ball
     resting = np.tile(end, (30, 1)), np.arange(30) / 120
@@ -104,7 +104,7 @@ def test_triangle_strip_of_a_line_has_its_width() -> None:
 
 
 def test_static_view_has_the_ball_at_rest_and_the_flag_in_a_distant_cup() -> None:
-    """There is no trail."""
+    """The static view has the ball at rest, the flag in the cup, and no trail."""
     _, state = static_view(DOGLEG, "tee", 1.0, TEE)
     np.testing.assert_array_equal(state.ball, TEE)
     assert DOGLEG.cup is not None and state.flag[2] == -DOGLEG.cup.depth and not state.lines

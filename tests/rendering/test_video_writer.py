@@ -143,7 +143,7 @@ def test_running_forked_child_does_not_block_video(tmp_path: Path) -> None:
 
 
 def test_file_is_replaced_only_when_video_is_complete(tmp_path: Path) -> None:
-    """Until then the previous file stays. Closing twice is harmless."""
+    """The previous file stays until the video is complete. Closing twice is harmless."""
     path = tmp_path / "a.mp4"
     path.write_bytes(b"before")
     writer = VideoWriter(path, SIZE, FPS)
@@ -214,7 +214,7 @@ def test_reports_immediate_exit_of_ffmpeg(tmp_path: Path, monkeypatch: pytest.Mo
 
 
 def test_reports_missing_ffmpeg(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The error says how to install it."""
+    """A missing ffmpeg is an error that says how to install it."""
     monkeypatch.setenv("IMAGEIO_FFMPEG_EXE", str(tmp_path / "nowhere"))
     with pytest.raises(OSError, match=r"does not start.*pip install"):
         write(tmp_path / "a.mp4")

@@ -53,7 +53,7 @@ def run(display: str, code: str, speed: float = 10.0) -> str:
 
 
 def test_window_shows_the_bits_of_rgb_array(display: str) -> None:
-    """Both contexts are used in turn."""
+    """Window and EGL context draw equal images when they are used in turn."""
     code = """
         human.reset(seed=1), array.reset(seed=1)
         wait_for(array.render())
@@ -81,7 +81,7 @@ def test_window_shows_a_putt_in_real_time(display: str) -> None:
 
 
 def test_closed_window_stays_closed_and_the_environment_plays_on(display: str) -> None:
-    """Its user closes it during a putt, which is played to its end; close() twice and render() are harmless."""
+    """After its user closes the window during a putt, the putt ends; close() twice and render() are harmless."""
     code = """
         human.reset(seed=1), array.reset(seed=1)
         show, count = window().draw_and_handle_events, [0]
@@ -153,7 +153,7 @@ def test_forked_child_raises_and_the_parent_keeps_its_window(display: str) -> No
 
 @pytest.mark.parametrize("end", ["sys.exit()", "del human; gc.collect(); os._exit(0)", "human.close(); sys.exit()"])
 def test_window_stays_open_when_a_forked_child_exits(display: str, end: str) -> None:
-    """In all ways to exit, also after it has closed or deleted the environment."""
+    """No kind of exit of the child closes the window, also after it has closed or deleted the environment."""
     code = f"""
         import gc, os, sys
         human.reset(seed=1)
@@ -185,7 +185,7 @@ def test_garbage_collected_window_is_closed(display: str) -> None:
 
 
 def test_two_windows_show_their_own_environments(display: str) -> None:
-    """One can be closed while the other is used."""
+    """Each window shows its own environment, also after the other is closed."""
     code = """
         other = gym.make("MiniGolf-v0", render_mode="human", camera="top", render_speed=speed, **size)
         human.reset(seed=1), other.reset(seed=2)

@@ -142,7 +142,7 @@ def check_process(process_id: int) -> None:
     """Raise a RenderingError unless this process has an id: OpenGL hangs in forks of the process with the context."""
     if os.getpid() != process_id:
         raise RenderingError(
-            "rendering: expected the process that first rendered, received a fork of it, where OpenGL would hang; "
+            "rendering: this process was forked from the one that first rendered, and OpenGL would hang in it; "
             "start workers with the 'spawn' or 'forkserver' method, or render in the parent only after forking."
         )
 
