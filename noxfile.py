@@ -1,4 +1,4 @@
-"""Sessions that need separate environments: tests of every supported Python and Gymnasium, and the release files.
+"""Sessions that need separate environments: tests with other versions, and the release files.
 
 ``make test-all`` runs the tests, ``make release`` writes the release files. Without a Python, its sessions are
 skipped; those of pyenv are found after ``pyenv shell 3.11 3.12 3.13``.
