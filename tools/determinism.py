@@ -4,9 +4,10 @@ Run: python -m tools.determinism. It plays 1,000 episodes and the golden traject
 batches of several sizes, with one and two threads, each configuration in a process of its own. It compares the hashes
 of all observations, rewards, infos and states with those stored for the version of the environment. It ends with an
 error if one differs: then raise the version of the environment's id in ``minigolf_env/__init__.py``, explain the change
-in CHANGELOG.md, and store the new hashes with ``--write``. The hashes of an unreleased version may be replaced. If
-"machine" differs too, the mathematical library of this machine rounds sines otherwise than that of the stored hashes:
-differences in episodes then prove nothing. Compare on a machine where "machine" is equal, and store no hashes here.
+in CHANGELOG.md, and store the new hashes with ``--write``. The hashes of an unreleased version may be replaced.
+
+The hash "machine" is that of functions such as sine, whose last bits depend on the machine's mathematical library. If
+it differs too, differences in episodes prove nothing: compare on a machine where it is equal, and store no hashes here.
 
 With ``--batch`` it plays one configuration in this process and prints the hashes. That checks another version of Python
 or Gymnasium, or, with NUMBA_DISABLE_JIT=1, the uncompiled physics.

@@ -3,8 +3,8 @@
 A mutant is the package with one small change to one syntax tree: another comparison or operator, a doubled constant, a
 negated condition, max for min, a dropped statement. Each mutant is written to a copy of the package, and the tests of
 its package run on it until one fails. A test run that exceeds the time limit counts as a noticed mutant: an endless
-loop is a fault that tests show. Some survivors are the same program in other words, for instance where a bound is
-compared with <= and equality has no effect; each of the others asks for a test.
+loop is a fault that tests show. Some survivors are equivalent mutants, which behave as the package does, for instance
+where a bound is compared with <= and equality has no effect; for each of the others a test is missing.
 """
 
 from __future__ import annotations
@@ -92,7 +92,10 @@ def iter_mutants(tree: ast.Module) -> Iterator[None]:
 
 
 def iter_nodes(parent: ast.AST) -> Iterator[tuple[Any, Any, str]]:
-    """Yield where each node below ``parent`` is kept: a list or an object's attributes, the key, the parent's field."""
+    """Yield each node below ``parent`` as (container, key, field), so that container[key] is the node.
+
+    The container is a list or the ``vars`` of its parent; ``field`` is the parent's field that holds the node.
+    """
     for field, value in ast.iter_fields(parent):
         if field in UNCHANGED_FIELDS:
             continue

@@ -1,7 +1,8 @@
-"""Construction of the bounding volume hierarchy (BVH): binary splits by the surface area heuristic (SAH), 8 per node.
+"""Construction of the bounding volume hierarchy (BVH), 8 children wide, by the surface area heuristic (SAH).
 
-A node of 8 children is 7 binary splits at once: the child with the largest box is split until there are 8, or until all
-are small enough to be leaves. traversal.py visits the nodes.
+Each split divides one child in two. A node begins with one child that holds all its triangles; the child with the
+largest box is split until there are 8, which takes 7 splits, or until all are small enough to be leaves. traversal.py
+visits the nodes.
 """
 
 from __future__ import annotations

@@ -34,10 +34,12 @@ from minigolf_env.physics.types import BVH_WIDTH, INT64_ONE, INT64_ZERO, Compile
 from minigolf_env.physics.vec3 import add, column, norm, scale, store, store_column, sub, vec3
 
 SINGLE_STEP_CAPACITY = 64
-"""Maximum number of candidates for one path: testing more costs more than a traversal of the BVH for each sub-step."""
+"""Maximum number of candidates in a cylinder around one path. With more, testing them in each sub-step costs more than
+traversing the BVH."""
 
 MULTI_STEP_CAPACITY = 24
-"""Maximum number of candidates for several paths: testing more costs more than collecting them for each path."""
+"""Maximum number of candidates in a cylinder around several paths. With more, testing them all in each sub-step costs
+more than collecting the fewer candidates of each path anew."""
 
 MAX_CANDIDATES = 2 * SINGLE_STEP_CAPACITY
 """Maximum number of triangles that the leaves near a path may hold before they are filtered."""

@@ -1,11 +1,11 @@
 """Impact response, resting contacts, and the motion that they leave the ball.
 
-An impact whose rebound is too weak to leave the surface within a time step becomes a resting contact: the ball slides
-or rolls on the surface until it leaves it. Resting contacts are kept in a scratch array (MAX_CONTACTS, 4), a row each:
+An impact whose rebound would return to the surface within a time step becomes a resting contact: the ball slides or
+rolls on the surface until it leaves it. Resting contacts are kept in a scratch array (MAX_CONTACTS, 4), a row each:
 unit contact normal, rolling resistance; ``num_contacts`` counts the rows in use. They live for one time step and each
 step begins without any, so that the state of a ball is its position and velocity alone.
 
-Example: a ball at rest on a floor falls for an instant, hits the floor at alpha = 0 with a rebound that is too weak,
+Example: a ball at rest on a floor falls for an instant, hits the floor at alpha = 0 with a rebound that is too short,
 and gets the resting contact (0, 0, 1). Projecting gravity onto the contact cone {y : y_z >= 0} leaves zero: it rests.
 """
 
@@ -23,7 +23,8 @@ MAX_CONTACTS = 8
 """Maximum number of resting contacts: three suffice for rest; a bowl of many facets may add more."""
 
 GRAZING_SPEED_RATIO = 1e-10
-"""Ratio of the speed normal to a surface to the speed below which a ball neither bounces off it nor has left it."""
+"""Speed normal to a surface, divided by the speed, at or below which a contact is neither a bounce nor a separation: it
+may be rounding."""
 
 PROJECTION_ROUNDOFF = 2.0**-48
 """Rounding error of a projected vector, divided by its length: some units in the last place."""
@@ -186,8 +187,8 @@ def resolve_impact(
 
     The average-velocity response (CS121 notes) uses the ``average`` velocity over the path of the given duration. The
     conservative response uses the velocity ``v`` at the impact and the ``net`` acceleration on the path: its approach
-    speed compensates the energy difference between chord and parabola, so that the impact conserves energy exactly.
-    The contact is resting if the rebound would last less than dt against the normal load of gravity or
+    speed compensates the energy difference between chord and parabola, so that an undamped impact conserves energy,
+    up to rounding. The contact is resting if the rebound would last less than dt against the normal load of gravity or
     ``acceleration``.
     """
     surface = surface_of(scene, hit)
@@ -239,7 +240,7 @@ def make_resting(
     # Remove the separating part, too: the ball would be back within the step.
     v = project_onto_cone(contacts, num_contacts, mul_add(v, -max(0.0, dot(v, n)), n))
 
-    # A velocity below this time times gravity is the rounding error of a ball at rest.
+    # A speed of at most |gravity| * rounding_time is the rounding error of a ball at rest.
     rounding_time = GRAZING_SPEED_RATIO * scene.dt
     if dot(v, v) <= rounding_time * rounding_time * dot(scene.gravity, scene.gravity):
         v = Vec3(0.0, 0.0, 0.0)

@@ -38,7 +38,7 @@ PRIVATE_OPTIONS: dict[str, Any] = {
     # Without this option numba decides once, for the caller compiled first: the speed would depend on a user's first
     # call.
     "forceinline": True,
-    # Nothing passes kernels to kernels, for which the C wrapper would be.
+    # Compile no C wrapper: it serves only to pass a kernel as an argument to another, which nothing does.
     "no_cfunc_wrapper": True,
     # No reference counts: with numba's memory manager every call would count references to all arrays of the scene,
     # two thirds of the time. The compiler then refuses kernels that allocate memory.

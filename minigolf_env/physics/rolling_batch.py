@@ -12,11 +12,12 @@ ball whose next step might do anything else becomes inactive and takes that step
 
 **Why a plane is enough.** The balls of a batch can reach coplanar triangles only: of one closed mesh, in one plane,
 with the same normal to the last bit. Such a floor has no border within reach (beyond it would be a triangle of another
-plane), and the projection of the ball's centre is always over a triangle, or on a seam. If the ball touches the plane
-and its path goes well into it, the sweep hits the triangle under the centre at alpha = 0 with the plane's normal. At a
-seam it hits the triangle where the ball gets deeper than eps, whose edge is so near to the projection of the centre
-that its distance is the height to rounding. Other triangles hit at alpha = 0 have the same normal, so that it does not
-matter which one is the first hit.
+plane), and the projection of the ball's centre is always over a triangle, or on a seam. Let the ball touch the plane,
+and let its path descend by at least MIN_PENETRATION eps. Then the sweep hits a triangle at alpha = 0 with the plane's
+normal. Over the inside of a triangle this is that triangle. At a seam it is the triangle over which the ball gets
+deeper than eps. The projection of the centre is then so near to that triangle's edge (see MIN_STEEPNESS) that the
+distance from the edge is the height over the plane, to rounding. Other triangles hit at alpha = 0 have the same normal,
+so that it does not matter which one is the first hit.
 """
 
 from __future__ import annotations
@@ -58,12 +59,12 @@ MIN_FLAT_RUN_STEPS = 2.0
 COPLANAR_TOLERANCE = 0.125
 """Maximum distance of coplanar triangles from each other's plane, in eps."""
 
-CONTACT_TOLERANCE = 0.75
+SUPPORT_TOLERANCE = 0.75
 """Maximum distance of a ball from its supporting plane, in eps: plus COPLANAR_TOLERANCE it is below 1, so that the ball
 touches all coplanar triangles."""
 
 MIN_PENETRATION = 16.0
-"""Minimum depth below the plane, in eps, of the end of a path that hits the plane for certain."""
+"""Minimum descent of a path towards the plane, in eps, with which it surely hits the plane."""
 
 MIN_STEEPNESS = 128.0
 """Minimum of (sine of the angle between path and plane)^2 radius / eps: while the ball sinks by 2 eps its centre moves
@@ -240,7 +241,7 @@ def step_rolling(scene: CompiledScene, batch: RecordArray, count: int) -> int:
         plane_gap = dot(sub(p, column(slots["vertex"], i)), n) - radius
         height_change = dot(path, n)
         ok = cylinder_contains(cylinder, p) & cylinder_contains(cylinder, add(p, path))
-        ok &= abs(plane_gap) <= CONTACT_TOLERANCE * eps
+        ok &= abs(plane_gap) <= SUPPORT_TOLERANCE * eps
         ok &= height_change <= -MIN_PENETRATION * eps
         ok &= height_change * height_change * radius >= MIN_STEEPNESS * eps * dot(path, path)
 
@@ -267,7 +268,7 @@ def step_rolling(scene: CompiledScene, batch: RecordArray, count: int) -> int:
         ok &= (resistance_deceleration == 0.0) | (deceleration <= 0.0) | (speed > deceleration * dt)
         path = scale(mul_add(rolling_velocity, 0.5 * dt, net), dt)
         end = add(p, path)
-        ok &= cylinder_contains(cylinder, end) & (plane_gap + dot(path, n) >= -CONTACT_TOLERANCE * eps)
+        ok &= cylinder_contains(cylinder, end) & (plane_gap + dot(path, n) >= -SUPPORT_TOLERANCE * eps)
 
         # Stay within the bounds and the number of steps.
         ok &= (lower.x <= end.x) & (end.x <= upper.x) & (lower.y <= end.y) & (end.y <= upper.y)

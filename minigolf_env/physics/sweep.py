@@ -20,8 +20,8 @@ from minigolf_env.physics.types import BOOL_TRUE, INT64_ONE, CompiledScene, Floa
 from minigolf_env.physics.vec3 import dot, norm, scale, store, vec3
 
 OVERLAP_MARGIN = 1.5
-"""Depth below which a ball surely does not overlap, in eps: between eps, allowed while running, and the 2 eps at which
-a start is refused."""
+"""Depth, in eps, down to which a start is accepted without computing its clearance. It lies between 1, the depth that a
+run may reach, and 2, beyond which a start is refused, so that rounding cannot matter."""
 
 
 class Collision(NamedTuple):

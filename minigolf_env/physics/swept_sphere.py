@@ -139,8 +139,8 @@ def sweep_triangle(
     f = vec3(triangle["f"])
     t, normal = _first_contact_newton(a, e, f, n, dual_u, dual_v, w, t, radius, eps, max_fraction)
 
-    # A hit at an edge, but flush with the face, is a ball that rolls over a seam: it has the face's normal, and only
-    # counts if the ball approaches the face.
+    # A hit at an edge with the centre at the distance of the radius from the plane (within 2 eps) is a ball that rolls
+    # over a seam: it has the face's normal, and only counts if the ball approaches the face.
     if abs(height + t * wn) >= radius - 2.0 * eps and height * wn < 0.0:
         if not is_approaching(-abs(wn), w):
             return ALPHA_MISS, n
@@ -309,7 +309,8 @@ def _contact_normal(q: Vec3, distance: float, w: Vec3, n: Vec3) -> Vec3:
         return scale(q, -1.0 / distance)
     if dot(w, n) != 0.0:
         return scale(n, -math.copysign(1.0, dot(w, n)))
-    against = sub(q, w)  # q is zero here; without it the compiler takes a square root before every loop of sweeps.
+    # q is zero here. Written with q so that LLVM does not hoist this square root out of the loops of sweeps.
+    against = sub(q, w)
     speed = norm(against)
     if speed > 0.0:
         return scale(against, 1.0 / speed)

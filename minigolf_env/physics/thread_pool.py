@@ -29,8 +29,8 @@ def parallel_for(process_chunk: Callable[[int, int], None], n: int) -> None:
     """Call process_chunk(first, last) on chunks of range(n), on as many threads as numba is set to use.
 
     Plain threads suffice, as the kernels release the GIL: there is no threading layer that a fork breaks, and no second
-    compilation. The threads are kept, since starting them takes as long as a thousand balls at rest. After an
-    interrupt, such as Ctrl-C, no further chunk starts.
+    compilation. The threads are kept, since starting them takes as long as simulating a thousand balls at rest. After
+    an interrupt, such as Ctrl-C, no further chunk starts.
     """
     if n <= 1:
         process_chunk(0, n)

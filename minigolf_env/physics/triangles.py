@@ -13,8 +13,8 @@ import numpy as np
 from minigolf_env.physics.types import TRIANGLE_DTYPE, FloatArray, RecordArray
 
 DEGENERATE_AREA_RATIO = 1e-25
-"""Largest ratio of a triangle's area to the product of its edges at which it has no normal: the precision of double
-float64 arithmetic ends there."""
+"""Largest ratio of a triangle's area to the product of its edges at which it has no normal: the precision of
+double-double arithmetic ends there."""
 
 SPLIT_FACTOR = 134217729.0
 """2**27 + 1: splits the 53 bits of a float64 significand in two halves (Dekker 1971)."""
@@ -23,7 +23,7 @@ SPLIT_FACTOR = 134217729.0
 def build_triangles(vertices: FloatArray) -> RecordArray:
     """Return triangles (n, 3, 3) as two-sided TRIANGLE_DTYPE records, numbered in order."""
     # Rotate the vertices so that the first is opposite the longest edge: dual_u + dual_v, the direction across that
-    # edge, then keeps its digits in needles.
+    # edge, then stays accurate for triangles with one very short edge.
     opposite = np.linalg.norm(vertices[:, [2, 0, 1]] - vertices[:, [1, 2, 0]], axis=2)
     rotated = (opposite.argmax(axis=1)[:, None] + np.arange(3)) % 3
     vertices = vertices[np.arange(len(vertices))[:, None], rotated]

@@ -77,8 +77,8 @@ class World:
     """A scene of triangle meshes in which one ball moves, compiled once and immutable: setting an attribute raises.
 
     The time step is that of the CS121 notes (docs/physics.md): the average velocity over the step, a straight path, the
-    exact first hit, a damped reflection, the rest of the step. Contacts too weak to bounce become resting contacts: the
-    ball slides or rolls, slows down by rolling resistance, and rests.
+    exact first hit, a damped reflection, the rest of the step. Impacts whose rebound would end within the step become
+    resting contacts: the ball slides or rolls, slows down by rolling resistance, and rests.
 
     Guarantees at any speed and dt, for meshes that meet the requirements of TriangleMesh; ``coordinate_scale`` is the
     largest coordinate: after every sub-step the ball's clearance to every triangle is >= -1e-12 coordinate_scale; no
@@ -93,7 +93,7 @@ class World:
         gravity: (3,) m/s^2.
         dt: the time step, s, > 0.
         impact: "average": the notes' response, with the average velocity over the path; "conservative": with the
-            velocity at the impact, corrected so that an impact keeps energy exactly.
+            velocity at the impact, corrected so that an undamped impact conserves energy, up to rounding.
         bounds: (2, 3) lower and upper corner, m: a ball whose centre leaves them is out of bounds; None: no bounds.
 
     Raises:

@@ -39,7 +39,7 @@ def dogleg() -> tuple[World, FloatArray, FloatArray]:
 
 
 def furnished() -> tuple[World, FloatArray, FloatArray]:
-    """Return a stored, rotated room with a tetrahedron, and balls launched in it; impacts conserve energy."""
+    """Return a stored, rotated room with a tetrahedron, and balls launched in it; conservative response."""
     with np.load(DATA / "golden_steps.npz") as data:
         vertices = data["vertices"][0]
         faces = data["faces"][0]

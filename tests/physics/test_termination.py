@@ -27,7 +27,10 @@ def test_ball_as_deep_as_allowed_is_not_stopped_by_a_seam(motion: str) -> None:
 
 @pytest.mark.parametrize("c", [0.05, 0.3])
 def test_ball_on_a_slope_of_c_over_sqrt_2_stops_within_its_sub_steps(c: float) -> None:
-    """Each stop on a slope of tan(beta) = c / sqrt(2) turns a ball by a right angle; it comes to rest, mostly soon."""
+    """On this slope a ball stops again and again, and starts at a right angle to its last motion.
+
+    It comes to rest before a step has used up its sub-steps, and in half of the runs after few of them.
+    """
     rot = rotation_about_y(math.atan(c * math.sqrt(0.5)))
     world = World([mesh(grid(10.0, 1), Surface(rolling=c), rot)])
     num_exhausted = 0
