@@ -1,4 +1,4 @@
-"""Count putts that fail: at the time limit, out of sub-steps, inside a solid, or stuck where no putt moves the ball."""
+"""Count putts that fail: at the time limit, exhausted, inside a solid, or stuck where no putt moves the ball."""
 
 from __future__ import annotations
 

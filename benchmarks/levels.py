@@ -3,7 +3,7 @@
 Run ``python -m benchmarks.levels --levels 1000 --log levels.jsonl``. For each level are measured:
 
 - the time to generate it and to build its world,
-- putts of random play and of search that run out of sub-steps, end inside a solid, or reach the time limit,
+- putts of random play and of search that have an exhausted step, end inside a solid, or reach the time limit,
 - putts of random play that leave the course below the top of the border, and balls that no putt can move,
 - the number of strokes in which search holes out from the centre of the tee.
 
@@ -42,11 +42,11 @@ TABLE_HEADER = (
     "strokes of search",
     "random putts",
     "out of bounds",
-    "out under the border",
+    "out below the border's top",
     "stuck",
     "all putts",
     "time limit",
-    "out of sub-steps",
+    "exhausted",
     "inside a solid",
 )
 
@@ -91,7 +91,7 @@ class LevelReport(NamedTuple):
     late: int
     """Number of putts that reach the time limit."""
     exhausted: int
-    """Number of putts with a step that ran out of sub-steps."""
+    """Number of putts with an exhausted step: the ball needed more sub-steps than the limit."""
     inside: int
     """Number of putts that end inside a solid."""
 

@@ -1,9 +1,9 @@
 """Check the par of each hole with search: ``python -m benchmarks.par``.
 
-Search plays each hole from random tees with noise of 1.5 degrees and 5 % of the speed, like a human player. Par is the
-rounded mean of its strokes, and at least 2. The par of a course file is confirmed if it is the par of some mean in the
-95 % confidence interval. All putts that search tries are checked: none should reach the time limit, run out of
-sub-steps or end inside a solid.
+Search plays each hole from random tees with noise of 1.5 degrees and 5 % of the speed, like a human player. The par of
+a course file is confirmed if some mean in the 95 % confidence interval of the strokes, rounded and at least 2, equals
+it. All putts that search tries are checked: none should reach the time limit, have an exhausted step or end inside a
+solid.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def main(args: Args) -> None:
         "strokes of search",
         "putts",
         "time limit",
-        "out of sub-steps",
+        "exhausted",
         "inside a solid",
     ]
     rows = []

@@ -1,6 +1,6 @@
 """Count how random putts end on each bundled course: ``python -m benchmarks.putts``.
 
-Random putts (in the room: throws) start at the tee. Counted are their statuses, steps that run out of sub-steps, the
+Random putts (in the room: throws) start at the tee. Counted are their statuses, putts with an exhausted step, the
 smallest clearance, and stuck balls: resting positions that no putt leaves.
 """
 

@@ -89,7 +89,7 @@ def main(args: Args) -> None:
                 plain,
                 make_planner(budgets=[THOROUGH_SEARCH], look_ahead=False),
                 seeds,
-                "thorough search, no look-ahead",
+                "one-putt search, fine grid",
             ),
             play_episodes(plain, search, seeds, "search"),
             play_episodes(noisy, make_planner(noise=(0.0, 0.0)), seeds, "noise, search ignores it"),
@@ -100,7 +100,7 @@ def main(args: Args) -> None:
     for difficulty in DIFFICULTY_NAMES if args.levels else ():
         env = MiniGolfEnv("procedural", difficulty=difficulty, tee="fixed")
         levels = [{"options": {"level": level}} for level in range(args.levels)]
-        rows.append(play_episodes(env, make_planner(look_ahead=False), levels, f"{difficulty}, no look-ahead"))
+        rows.append(play_episodes(env, make_planner(look_ahead=False), levels, f"{difficulty}, one-putt search"))
         rows.append(play_episodes(env, search, levels, f"{difficulty}, search"))
     if rows:
         print_table(columns, rows)

@@ -79,7 +79,7 @@ def test_par_prints_a_row_for_each_hole(capsys: pytest.CaptureFixture[str]) -> N
     """All putts that search simulated are counted, and those that failed."""
     par.main(par.Args(rounds=2, courses=("funnel",)))
     printed = capsys.readouterr().out
-    assert "| funnel | 2   | yes " in printed and "time limit 0; out of sub-steps 0; inside a solid 0" in printed
+    assert "| funnel | 2   | yes " in printed and "time limit 0; exhausted 0; inside a solid 0" in printed
 
 
 def test_exactness_prints_and_stores_the_same_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -163,7 +163,7 @@ def test_search_benchmark_prints_all_rows(capsys: pytest.CaptureFixture[str]) ->
     """Each variant of search has a row."""
     search.main(search.Args(episodes=1, levels=0))
     printed = capsys.readouterr().out
-    for row in ("random", "thorough search", "search ", "noise, search ignores", "noise, search "):
+    for row in ("random", "one-putt search, fine grid", "search ", "noise, search ignores", "noise, search "):
         assert f"| {row}" in printed
 
 

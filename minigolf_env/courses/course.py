@@ -152,7 +152,7 @@ class Course:
     cup: Cup | None
     """Cup; None for a course in which a ball is only thrown (free-throw mode)."""
     par: int | None
-    """Strokes that a good player needs, >= 1; None without cup."""
+    """Rounded mean number of strokes of a good player, >= 1; None without a cup."""
     bounds: tuple[Point3, Point3]
     """Lower and upper corner of the bounding box, m: a ball whose centre leaves it is out of bounds."""
     route: tuple[Point2, ...]

@@ -62,7 +62,7 @@ def _build_polygon(shape: OutlineShape) -> ShapelyPolygon:
         area = circle_polygon((x, y), radius)
     else:
         line = shapely.LineString(shape.line)
-        # Each crossing adds the corners of two holes: a line of 2,000 points can have a million of them.
+        # Each crossing adds corners to the outline, and a line of 2,000 points can cross itself a million times.
         if not line.is_simple:
             raise CourseError("outline: expected a line that does not cross itself; divide it into several.")
         area = line.buffer(0.5 * shape.width, cap_style="flat", join_style="mitre")

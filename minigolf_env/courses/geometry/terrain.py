@@ -51,10 +51,10 @@ def _evaluate_waves(waves: WaveHeight, distance: FloatArray, points: FloatArray)
 def _evaluate_profile(
     profile: Sequence[tuple[float, float]], radius: float, distances: FloatArray, mirrored: bool = False
 ) -> FloatArray:
-    """Return the height at distances along a polyline whose corners are parabolas from -radius to radius.
+    """Return the heights at distances along a polyline with rounded corners.
 
-    The smoothed line is the mean of the polyline over [distance - radius, distance + radius], computed from its
-    integral.
+    A corner is rounded by a parabola that begins one radius before it and ends one radius behind it. The height of the
+    rounded line is the mean of the polyline over [distance - radius, distance + radius], computed from its integral.
     """
     x, z = np.array(profile).T
     if mirrored:

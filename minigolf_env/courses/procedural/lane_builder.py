@@ -19,7 +19,7 @@ MIN_LANE_SEPARATION = 0.2
 """Free width between two parts of a lane that pass each other, m: room for two borders and a gap between them."""
 
 MIN_LOOP_LENGTH_RATIO = 1.6
-"""Smallest length along the lane between two samples that must keep their distance, in sums of their widths."""
+"""Distance along the lane beyond which two samples must be apart in the xy-plane, in sums of their two widths."""
 
 SQUARE_CORNER_RATIO = 0.71
 """Largest distance of the lane's edge from its centre line, in widths: half the diagonal of a square, rounded up."""

@@ -1,4 +1,8 @@
-"""Layout of a level: a random lane with legs, turns, features and the place of the cup."""
+"""Layout of a level: a random lane and the place of the cup.
+
+A lane consists of legs, straight stretches that turns connect. Each leg has features: obstacles, slopes, and steps of
+the floor.
+"""
 
 from __future__ import annotations
 
@@ -15,8 +19,8 @@ GENERATOR_VERSION = 1
 TEE_LENGTH = 0.8
 """Length of the flat piece from the border behind the tee to the first feature, m."""
 
-CUP_CELL_HALF_LENGTH = 0.3
-"""Length of the flat cell around the cup, before and behind it, m."""
+CUP_PIECE_HALF_LENGTH = 0.3
+"""Half the length of the flat piece of the lane that contains the cup, m."""
 
 MIN_CUP_TO_BORDER = 0.25
 """Smallest distance from the cup to the border on its left or right, m."""
@@ -57,7 +61,7 @@ class Layout(NamedTuple):
 
     lane: LaneBuilder
     """Lane from the tee to the end."""
-    cell: int
+    cup_section: int
     """Index of the cross-section before the cup; the next one is behind it."""
     cup: Point3
     """Centre of the cup's rim, m."""
@@ -104,13 +108,13 @@ def _add_random_turn(lane: LaneBuilder, rng: PortableRng, steps: int) -> None:
 
 def _add_green(lane: LaneBuilder, rng: PortableRng, legs: int) -> Layout:
     """Add the flat part around the cup and the end of the lane."""
-    # Add the flat cell around the cup.
+    # Add the flat piece that contains the cup.
     lane.taper = 0.0
-    cell = len(lane.sections) - 1
+    cup_section = len(lane.sections) - 1
     max_offset = lane.width / 2.0 - MIN_CUP_TO_BORDER
     left = rng.uniform(-max_offset, max_offset)
-    cup = (*lane.point_at(CUP_CELL_HALF_LENGTH, left), lane.z)
-    lane.add_straight(2.0 * CUP_CELL_HALF_LENGTH)
+    cup = (*lane.point_at(CUP_PIECE_HALF_LENGTH, left), lane.z)
+    lane.add_straight(2.0 * CUP_PIECE_HALF_LENGTH)
     lane.route.append(cup[:2])
     # Add the end, which is square, has cut corners, or is round.
     width = lane.width
@@ -120,4 +124,4 @@ def _add_green(lane: LaneBuilder, rng: PortableRng, legs: int) -> Layout:
     elif ending == "round":
         for k in range(1, 6):
             lane.add_straight(0.08, width=width * (1.0 - 0.5 * (k / 5.0) ** 2))
-    return Layout(lane, cell, cup, legs)
+    return Layout(lane, cup_section, cup, legs)

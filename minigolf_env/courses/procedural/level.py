@@ -159,13 +159,13 @@ def _hole_corners(cup: Cup) -> NDArray[np.float64]:
 
 
 def _build_floor(layout: Layout, cup: Cup, bottom: float) -> SolidMesh:
-    """Return the floor: quads between cross-sections, and a cell with the hole in it."""
+    """Return the floor: quads between cross-sections, with the hole in the flat piece that contains the cup."""
     lane = layout.lane
     points = np.concatenate([np.array(lane.points), _hole_corners(cup)])
     hole = list(range(len(lane.points), len(points)))
     faces: list[tuple[int, int, int]] = []
     for k, ((left, right), (next_left, next_right)) in enumerate(itertools.pairwise(lane.sections)):
-        if k == layout.cell:
+        if k == layout.cup_section:
             faces += fill_between_loops([right, next_right, next_left, left], hole, points.tolist())
             continue
         if right != next_right:

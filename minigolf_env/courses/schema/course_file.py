@@ -56,8 +56,8 @@ class CourseFile(Record):
     name: NameField
     """Name of the course."""
     par: Annotated[int, Field(strict=True, ge=1, le=100)] | None = None
-    """Strokes that a good player needs. A TOML file with a cup must give it; in .glb files and CourseBuilder it is then
-    2 by default."""
+    """Rounded mean number of strokes of a good player. A TOML file with a cup must give it; in .glb files and
+    CourseBuilder it is then 2 by default."""
     about: Annotated[str, Field(max_length=500)] = ""
     """Description of the hole in one sentence, for lists of courses."""
     top_speed: Annotated[float, Field(strict=True, gt=0.0, le=1000.0)] = 6.0
