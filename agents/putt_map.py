@@ -48,7 +48,7 @@ class PuttMapConfig:
     speeds: int = 500
     """Number of speeds, up to the course's top speed."""
     shard_size: int = 100_000
-    """Approximate number of putts in a file: a minute's work of a core, which an interruption loses on each core."""
+    """Approximate number of putts in a file. An interruption loses at most one unfinished file on each core."""
     cell_size: float = 0.01
     """Side of a cell of the heat map, m."""
     out: Path | None = None

@@ -39,7 +39,7 @@ class ReleaseConfig:
     n_episodes: int = 1000
     """Number of episodes of each score on the card."""
     putt_noise: tuple[float, float] = (0.5, 0.015)
-    """Putt noise of the card's second score: standard deviations of direction (degrees) and speed (fraction of it)."""
+    """Putt noise of the second score of each environment; the first has none. Standard deviations as in TrainConfig."""
 
 
 def training_command(name: str, config: TrainConfig) -> str:
@@ -75,11 +75,11 @@ def main(config: ReleaseConfig) -> None:
                 f"model: expected at most {MAX_PRETRAINED_BYTES:,} bytes, received {size:,}; train a smaller network."
             )
 
-        # Evaluate it on each task, without putt noise and with it.
+        # Evaluate it in each environment, without putt noise and with it.
         policy = ModelPolicy(temporary_file)
         noises: list[dict[str, Any]] = [{"putt_noise": (0.0, 0.0)}, {"putt_noise": config.putt_noise}]
-        tasks = [{**task, **noise} for task in run_config.eval_tasks for noise in noises]
-        scores = [evaluate(policy, name, **task, episodes=config.n_episodes) for task in tasks]
+        eval_env_args = [{**env_args, **noise} for env_args in run_config.eval_env_args for noise in noises]
+        scores = [evaluate(policy, name, **env_args, episodes=config.n_episodes) for env_args in eval_env_args]
 
     # Print the scores and write the card.
     for score in scores:

@@ -18,7 +18,7 @@ from minigolf_env.evaluation.report import print_evaluations, write_json_report
 from minigolf_env.players.policies import Policy, SB3Policy, load_policy
 
 EVALUATION_METRICS = ("strokes", "holed", "hole_in_one")
-"""Fields of an evaluation that are averaged over its tasks, stored and logged."""
+"""Fields of an evaluation that are averaged over its environments, stored and logged."""
 
 
 def load_best(model: BaseAlgorithm, config: TrainConfig, folder: Path) -> SB3Policy:
@@ -41,7 +41,7 @@ class EvaluationHistory:
         return min((row["strokes"] for row in self.rows), default=float("inf"))
 
     def evaluate(self, policy: Policy, timesteps: int) -> dict[str, float]:
-        """Return the means over all evaluation tasks.
+        """Return the means over all environments of the evaluation.
 
         Args:
             policy: policy to evaluate.
@@ -52,12 +52,12 @@ class EvaluationHistory:
             evaluate(
                 policy,
                 "agent",
-                **task,
+                **env_args,
                 episodes=config.n_eval_episodes,
                 first_seed=config.eval_seed,
                 quiet=True,
             )
-            for task in config.eval_tasks
+            for env_args in config.eval_env_args
         ]
         means = {name: sum(getattr(score, name) for score in scores) / len(scores) for name in EVALUATION_METRICS}
         return {"timesteps": timesteps, **means}
@@ -136,11 +136,11 @@ def finish_run(
     ]
     tables = [
         [
-            evaluate(evaluated, label, **task, episodes=episodes)
+            evaluate(evaluated, label, **env_args, episodes=episodes)
             for label, evaluated, episodes in entries
             if episodes > 0
         ]
-        for task in config.eval_tasks
+        for env_args in config.eval_env_args
     ]
     scores = [score for table in tables for score in table]
     record = [dataclasses.asdict(score) for score in scores]

@@ -1,13 +1,15 @@
 """Train a Q-function over putts on many generated levels, and evaluate it on held-out levels.
 
 The network predicts from the features of a putt (minigolf_env/players/putt_features.py) the probability that it holes
-out, and the strokes that remain if it does not. The policy plays the putt with the fewest expected strokes among some
-hundred candidates.
+out, and the strokes that remain if it does not. The policy plays the putt with the fewest expected strokes among
+several hundred candidates.
 
-Training is Monte-Carlo regression on single putts (a contextual bandit): from each ball position ``what_if`` simulates
-many candidates, namely the greedy one, others close to it, and random ones; all of them go into the replay buffer, and
-one of them is played. There is no policy gradient: action values are multimodal, and the best mode changes from level
-to level. A Q-function can represent all modes, where the mean of a Gaussian policy averages them.
+Training is regression on single simulated putts (a contextual bandit). The targets are whether the putt holes out, and
+an estimate of the strokes that remain otherwise: 1 + 0.3 for each metre along the course to the cup, as in the
+potential of the shaped reward. From each ball position ``what_if`` simulates many candidates, namely the greedy one,
+others close to it, and random ones; all of them go into the replay buffer, and one of them is played. There is no
+policy gradient: action values are multimodal, and the best mode changes from level to level. A Q-function can represent
+all modes, where the mean of a Gaussian policy averages them.
 
 ``python -m agents.train_generalist`` trains; ``minigolf benchmark --policy runs/procedural-1/best.npz`` compares the
 model with search on fixed sets of levels. docs/training.md has the results.
@@ -80,17 +82,17 @@ class GeneralistConfig(TrainConfig):
     n_test_episodes: int = 200
 
     @property
-    def training_tasks(self) -> list[dict[str, Any]]:
-        """Tasks of the training environments: one for each entry of ``difficulties``."""
+    def training_env_args(self) -> list[dict[str, Any]]:
+        """Arguments of each vector environment for training: one for each entry of ``difficulties``."""
         if self.course != PROCEDURAL_COURSE:
-            return [self.task]
-        return [{**self.task, "difficulty": difficulty} for difficulty in self.difficulties]
+            return [self.env_args]
+        return [{**self.env_args, "difficulty": difficulty} for difficulty in self.difficulties]
 
     @property
-    def eval_tasks(self) -> list[dict[str, Any]]:
-        """Tasks of the evaluations: one for each different difficulty."""
-        tasks = self.training_tasks
-        return [task for k, task in enumerate(tasks) if task not in tasks[:k]]
+    def eval_env_args(self) -> list[dict[str, Any]]:
+        """Arguments of each environment of the evaluations: one for each different difficulty."""
+        env_args = self.training_env_args
+        return [args for k, args in enumerate(env_args) if args not in env_args[:k]]
 
 
 class ReplayBuffer:
@@ -147,7 +149,7 @@ class QLearner:
         collector_rng, buffer_rng = np.random.default_rng((config.seed, self.num_timesteps)).spawn(2)
         self.buffer = ReplayBuffer(config.buffer_size, buffer_rng)
         self.collector = PuttCollector(
-            [make_vector_env(config, task) for task in config.training_tasks],
+            [make_vector_env(config, env_args) for env_args in config.training_env_args],
             collector_rng,
             num_candidates=config.num_candidates,
             greedy_prob=config.greedy_prob,

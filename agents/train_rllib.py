@@ -28,7 +28,7 @@ from stable_baselines3.common.logger import configure
 from agents.cluster import connect, import_ray
 from agents.run_evaluation import EvalCheckpointCallback, finish_run
 from agents.train_ppo import PPOHyperparameters
-from agents.training_run import RICH_CONSOLE, save_on_interrupt, start_run
+from agents.training_run import RICH_CONSOLE, read_config, save_on_interrupt, start_run
 from minigolf_env._atomic_io import commit
 from minigolf_env.courses import load_course
 from minigolf_env.courses.procedural import PROCEDURAL_COURSE
@@ -62,11 +62,11 @@ class RLlibConfig(PPOHyperparameters):
     batch_size: int = 512
     address: str | None = None
     """Ray cluster: "auto" on one of its nodes, or HOST:PORT; by default Ray starts on this machine alone.
-    It also counts with --resume, as the cluster may have moved."""
+    With --resume the stored address counts unless another one is given, as the cluster may have moved."""
     num_env_runners: int = 2
-    """Number of sampling processes, one core each; Ray spreads them over the nodes and replaces those that die."""
+    """Number of workers, which play the putts; each takes a core, and Ray replaces those that die, on any node."""
     n_envs: int = 256
-    """Number of environments in the vector environment of each sampling process."""
+    """Number of environments in the vector environment of each worker."""
     num_learners: int = 0
     """Number of learning processes, one core each, with an equal part of each batch; 0 learns in this program."""
 
@@ -75,7 +75,7 @@ class RLlibConfig(PPOHyperparameters):
         """Arguments of the environments, with the loaded course: its file need not be on the other nodes."""
         course = self.course if self.course == PROCEDURAL_COURSE else load_course(self.course)
         return {
-            **self.task,
+            **self.env_args,
             "course": course,
             "observation": self.observation,
             "reward": self.reward,
@@ -268,6 +268,13 @@ def train(config: RLlibConfig, folder: Path) -> None:
         ray.shutdown()
 
 
+def address_of(config: RLlibConfig) -> str | None:
+    """Return the address of the Ray cluster: the given one, or that of the run which is resumed."""
+    if config.address is None and config.resume is not None:
+        return read_config(RLlibConfig, config.resume).address
+    return config.address
+
+
 def main(config: RLlibConfig) -> list[EvaluationResult]:
     """Train one model, evaluate its best checkpoint, and print a table of the results.
 
@@ -276,7 +283,7 @@ def main(config: RLlibConfig) -> list[EvaluationResult]:
             one line.
     """
     started = time.monotonic()
-    address = config.address
+    address = address_of(config)
     import_ray(address)  # Fails here where Ray is missing, before a folder is created.
     if config.num_env_runners < 1 or config.num_learners < 0:
         raise SystemExit("num_env_runners: expected at least 1; num_learners: at least 0.")

@@ -36,7 +36,7 @@ from stable_baselines3.common.vec_env import VecMonitor
 
 from agents.sb3_vec_env import SB3VecEnv
 from minigolf_env._atomic_io import remove_stale_temps, write_text
-from minigolf_env.evaluation import FIRST_EVALUATION_SEED
+from minigolf_env.evaluation import FIRST_EVALUATION_SEED, NUM_EVALUATION_SEEDS
 from minigolf_env.players.model_files import check_sb3_file
 
 RICH_CONSOLE = Console()
@@ -48,7 +48,7 @@ class TrainConfig:
     """Command-line arguments of every training program."""
 
     course: str = "dogleg"
-    """Name or file of a course, or "procedural" for generated levels."""
+    """Name or file of a course, "round", or "procedural" for generated levels."""
     difficulty: str | None = None
     """Difficulty of generated levels: easy, medium or hard."""
     num_levels: int | None = None
@@ -78,21 +78,21 @@ class TrainConfig:
     n_eval_episodes: int = 500
     """Number of episodes in the evaluation of a checkpoint."""
     eval_seed: int = 2_000_000
-    """First seed, or first level, of these episodes; the final evaluation uses those from 1,000,000 on."""
+    """First seed, or first level, of these episodes; 1,000,000 to 1,999,999 are reserved for the final evaluation."""
     n_test_episodes: int = 1000
     """Number of episodes in the final evaluation; random play, which is slow, gets a tenth of them."""
     n_search_episodes: int = 30
     """Number of episodes of search in the final evaluation; 0 leaves search out."""
 
     @property
-    def task(self) -> dict[str, Any]:
-        """Arguments that training environments and evaluations have in common."""
+    def env_args(self) -> dict[str, Any]:
+        """Arguments of the environment that training and evaluation have in common."""
         return {"course": self.course, "difficulty": self.difficulty, "putt_noise": self.putt_noise}
 
     @property
-    def eval_tasks(self) -> list[dict[str, Any]]:
-        """Tasks that checkpoints and the final model are evaluated on."""
-        return [self.task]
+    def eval_env_args(self) -> list[dict[str, Any]]:
+        """Arguments of each environment that checkpoints and the final model are evaluated on."""
+        return [self.env_args]
 
 
 Config = TypeVar("Config", bound=TrainConfig)
@@ -134,11 +134,11 @@ def validate_config(config: TrainConfig) -> None:
             "the levels from there on are for evaluation."
         )
     eval_seeds = range(config.eval_seed, config.eval_seed + config.n_eval_episodes)
-    test_seeds = range(FIRST_EVALUATION_SEED, FIRST_EVALUATION_SEED + config.n_test_episodes)
-    if eval_seeds[-1] >= test_seeds[0] and eval_seeds[0] <= test_seeds[-1]:
+    held_out = range(FIRST_EVALUATION_SEED, FIRST_EVALUATION_SEED + NUM_EVALUATION_SEEDS)
+    if eval_seeds[-1] >= held_out[0] and eval_seeds[0] <= held_out[-1]:
         raise SystemExit(
-            f"eval_seed: expected episodes apart from those of the final evaluation, {test_seeds[0]} to "
-            f"{test_seeds[-1]}, received {eval_seeds[0]} to {eval_seeds[-1]}."
+            f"eval_seed: expected episodes apart from those reserved for the final evaluation, {held_out[0]} to "
+            f"{held_out[-1]}, received {eval_seeds[0]} to {eval_seeds[-1]}."
         )
     # Check the model file and the arguments of the environments.
     if config.init_weights is not None and not config.init_weights.is_file():
@@ -146,8 +146,8 @@ def validate_config(config: TrainConfig) -> None:
             f"init_weights: expected a model file of the same program, found no file {config.init_weights}."
         )
     try:
-        for task in config.eval_tasks:
-            make_vector_env(dataclasses.replace(config, n_envs=1), task).close()
+        for env_args in config.eval_env_args:
+            make_vector_env(dataclasses.replace(config, n_envs=1), env_args).close()
     except ValueError as error:
         raise SystemExit(str(error)) from error
 
@@ -228,8 +228,8 @@ def save_on_interrupt(folder: Path, save: Callable[[], None] | None = None) -> I
         raise SystemExit(f"Could not save: {error}. {state} {resume_hint(folder)}") from error
 
 
-def make_vector_env(config: TrainConfig, task: dict[str, Any]) -> gym.vector.VectorEnv[Any, Any, Any]:
-    """Return the vector environment for a task."""
+def make_vector_env(config: TrainConfig, env_args: dict[str, Any]) -> gym.vector.VectorEnv[Any, Any, Any]:
+    """Return the vector environment for training with the arguments of the environment ``env_args``."""
     return gym.make_vec(
         "minigolf_env:MiniGolf-v0",
         num_envs=config.n_envs,
@@ -237,13 +237,13 @@ def make_vector_env(config: TrainConfig, task: dict[str, Any]) -> gym.vector.Vec
         observation=config.observation,
         reward=config.reward,
         num_levels=config.num_levels,
-        **task,
+        **env_args,
     )
 
 
 def make_sb3_envs(config: TrainConfig) -> VecMonitor:
     """Return the vector environment as stable-baselines3's VecEnv, with episode statistics."""
-    return VecMonitor(SB3VecEnv(make_vector_env(config, config.task)))
+    return VecMonitor(SB3VecEnv(make_vector_env(config, config.env_args)))
 
 
 def initialize_model(model: BaseAlgorithm, config: TrainConfig, folder: Path) -> None:

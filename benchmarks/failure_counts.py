@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from minigolf_env.envs import MiniGolfEnv, Task
-from minigolf_env.envs.task import FloatArray, Outcome
+from minigolf_env.envs.hole_params import FloatArray
+from minigolf_env.envs.task import Outcome
 from minigolf_env.physics import Shot, Status, World
 
 PENETRATION_TOLERANCE = 1e-12

@@ -28,7 +28,7 @@ from benchmarks.report import print_table
 from minigolf_env.courses.procedural import DIFFICULTY_NAMES, GENERATOR_VERSION
 from minigolf_env.courses.procedural.level import build_level
 from minigolf_env.envs import MiniGolfEnv, Result, Task
-from minigolf_env.envs.task import FloatArray
+from minigolf_env.envs.hole_params import FloatArray
 from minigolf_env.evaluation.rollout import search_strokes
 
 PUTTS_PER_BALL = 4

@@ -25,11 +25,11 @@ from minigolf_env.courses.procedural import (
     is_level_name,
     level_name,
 )
-from minigolf_env.envs.hole_params import HoleParams
+from minigolf_env.envs.hole_params import FloatArray, HoleParams
 from minigolf_env.envs.observations import OBSERVATIONS, ObservationType
 from minigolf_env.envs.rewards import RewardFunction, build_reward
 from minigolf_env.envs.samplers import LevelSampler, SequentialTasks, SingleTask, TaskSampler
-from minigolf_env.envs.task import FloatArray, Task
+from minigolf_env.envs.task import Task
 from minigolf_env.physics import World
 from minigolf_env.physics.world import IMPACT_MODELS
 from minigolf_env.rendering import CAMERA_NAMES, RENDER_PROFILES, RenderSettings, check_size
@@ -41,8 +41,13 @@ TEE_CHOICES = ("random", "fixed")
 """Values of the argument "tee": where an episode starts."""
 
 NOISE_HINT = "give the standard deviations of direction (degrees) and speed (fraction of it)."
+"""End of error messages about the argument "putt_noise"."""
+
 POSITION_HINT = "give the ball's centre, m."
+"""End of error messages about a ball's position."""
+
 ACTION_HINT = "a putt is a vector x, y; its length, up to 1, is the fraction of the top speed."
+"""End of error messages about actions."""
 
 
 class EnvOptions(TypedDict, total=False):
@@ -192,7 +197,7 @@ def _check_name(course: str | Course) -> str | Course:
 
 
 def _build_round(rules: dict[str, Any]) -> SequentialTasks:
-    """Return the sampler of the round; errors of the rules are raised here, not at a later hole."""
+    """Return the sampler of the round; errors in the arguments ``rules`` are raised here, not at a later hole."""
     tasks = SequentialTasks(functools.partial(_build_hole, rules), len(ROUND_HOLES))
     num_checked = 1 if rules.get("cup_radius") is None else tasks.count  # Only the cup's radius depends on the hole.
     for number in range(1, 1 + num_checked):

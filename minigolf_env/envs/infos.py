@@ -7,7 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from minigolf_env.envs.task import FloatArray, Outcome, Result
+from minigolf_env.envs.hole_params import FloatArray
+from minigolf_env.envs.task import Outcome, Result
 
 NO_STROKE = -1
 """Sentinel for a Result: the ball is on the tee and no stroke was played."""

@@ -20,10 +20,11 @@ from minigolf_env.envs.config import (
     check_positions,
 )
 from minigolf_env.envs.episode_state import decode_state, encode_state, task_index_info
+from minigolf_env.envs.hole_params import FloatArray
 from minigolf_env.envs.infos import single_info
 from minigolf_env.envs.rewards import explain_unserializable
 from minigolf_env.envs.stroke import play_stroke
-from minigolf_env.envs.task import FloatArray, Outcome, action_space
+from minigolf_env.envs.task import Outcome, action_space
 from minigolf_env.rendering import RENDER_FPS, RENDER_MODES, EpisodeRenderer, PuttScene
 
 Observation = NDArray[Any]
@@ -35,8 +36,8 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
 
     ## Description
     The agent observes the ball's position, chooses a putt, and observes where the ball comes to rest. A step simulates
-    the whole putt: until the ball rests, drops into the cup or leaves the course. The goal is to hole out in as few
-    strokes as possible.
+    the whole putt: until the ball rests, in the cup or elsewhere, or leaves the course, for at most 30 s. The goal is
+    to hole out in as few strokes as possible.
 
     ## Action Space
     ``Box(-1, 1, (2,), float32)``: the putt as a vector in the xy-plane. Its direction is the direction of the putt; its

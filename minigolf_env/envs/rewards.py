@@ -22,7 +22,8 @@ from gymnasium.envs.registration import EnvSpec
 from numpy.typing import ArrayLike, NDArray
 
 from minigolf_env._validation import finite_array, one_of
-from minigolf_env.envs.task import FloatArray, Outcome, TaskBatch
+from minigolf_env.envs.hole_params import FloatArray
+from minigolf_env.envs.task import Outcome, TaskBatch
 
 MIN_STROKES_TO_FINISH = 1.0
 """Strokes still needed next to the cup, as the shaped reward estimates them."""

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minigolf_env.envs.generators import restore_on_error
+from minigolf_env.envs.hole_params import FloatArray
 from minigolf_env.envs.rewards import CheckedReward, RewardFunction
-from minigolf_env.envs.task import FloatArray, Outcome, TaskBatch
+from minigolf_env.envs.task import Outcome, TaskBatch
 
 
 class StrokeResult(NamedTuple):

@@ -18,10 +18,8 @@ from gymnasium.spaces import Box, Space
 from numpy.typing import NDArray
 
 from minigolf_env.courses import Course, Cup
-from minigolf_env.envs.hole_params import HoleParams, RouteSegment
+from minigolf_env.envs.hole_params import FloatArray, HoleParams, RouteSegment
 from minigolf_env.physics import Status, World, WorldBatch
-
-FloatArray = NDArray[np.float64]
 
 MAX_PUTT_TIME = 30.0
 """Longest duration of a putt, s: several times as long as a ball rolls on any green."""

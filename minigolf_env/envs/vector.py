@@ -26,10 +26,11 @@ from minigolf_env.envs.config import (
 )
 from minigolf_env.envs.episode_state import check_episode_positions, decode_state, encode_state, error_context
 from minigolf_env.envs.generators import check_generators, seed_generators
+from minigolf_env.envs.hole_params import FloatArray
 from minigolf_env.envs.infos import LastStrokes, batch_info, final_info
 from minigolf_env.envs.rewards import explain_unserializable
 from minigolf_env.envs.stroke import play_stroke
-from minigolf_env.envs.task import FloatArray, Outcome, Task, TaskBatch, action_space, stack_tasks
+from minigolf_env.envs.task import Outcome, Task, TaskBatch, action_space, stack_tasks
 from minigolf_env.rendering import RENDER_FPS, EpisodeRenderer, PuttScene
 
 Observations = NDArray[Any]
@@ -220,8 +221,8 @@ class MiniGolfVectorEnv(gym.vector.VectorEnv[Observations, Actions, NDArray[Any]
         """Resume N episodes from states of single environments or of a batch, as MiniGolfEnv.set_state takes them.
 
         Raises:
-            ValueError: the number of states is not N, a value is wrong, or an episode is over though with autoreset
-                mode "SameStep" none stays so; nothing has changed then.
+            ValueError: the number of states is not N, a value is wrong, or an episode is over and the autoreset mode
+                is "SameStep", in which episodes that end are reset at once; nothing has changed then.
         """
         episodes = []
         for i, state in enumerate(one_per_env(states, self.num_envs, "states")):
@@ -326,7 +327,10 @@ class MiniGolfVectorEnv(gym.vector.VectorEnv[Observations, Actions, NDArray[Any]
         return {i: self._sampler.get(indices[i]) for i in rows.tolist()}
 
     def _start_episodes(self, rows: Rows, tasks: dict[int, Task], keep_last: bool = False) -> None:
-        """Start episodes in some environments, each on its task of ``tasks`` or on one that is sampled."""
+        """Start episodes in some environments, each on its task of ``tasks`` or on one that is sampled.
+
+        ``keep_last`` is passed on to ``_show_balls``.
+        """
         if len(rows) == 0:
             return
         rngs = self._rngs[rows]
@@ -352,7 +356,10 @@ class MiniGolfVectorEnv(gym.vector.VectorEnv[Observations, Actions, NDArray[Any]
         return self.task_batch.take(rows)
 
     def _show_balls(self, rows: Rows, keep_last: bool = False) -> None:
-        """Show the balls of some environments, which were placed without a putt, on their courses."""
+        """Show the balls of some environments, which were placed without a putt, on their courses.
+
+        With ``keep_last`` the last putt, if not yet rendered, is still shown before; otherwise it is dropped.
+        """
         for i in rows.tolist() if self.renderers else ():
             task = self._tasks[i]
             scene = PuttScene(task.course, task.simulate_path)

@@ -15,6 +15,7 @@ from minigolf_env._validation import one_of
 Array = NDArray[np.float32]
 
 ACTIVATION_NAMES = ("relu", "tanh")
+"""Names of the activation functions of hidden layers."""
 
 
 class Layer(NamedTuple):

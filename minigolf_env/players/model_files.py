@@ -149,6 +149,7 @@ ALGORITHM_LAYOUTS = {
     "PPO": _AlgorithmLayout("mlp_extractor.policy_net", "action_net", "tanh", False),
     "SAC": _AlgorithmLayout("actor.latent_pi", "actor.mu", "relu", True),
 }
+"""Layouts of the policy networks of stable-baselines3, by algorithm."""
 
 
 def _load_sb3_zip(path: Path) -> MLPPolicy:

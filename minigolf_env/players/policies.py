@@ -28,6 +28,7 @@ PRETRAINED_MODELS = {"ppo": "dogleg.npz", "generalist": "procedural.npz"}
 """Files of the pretrained models by name: "ppo" is for the default hole, "generalist" for procedural levels."""
 
 POLICY_NAMES = ("random", "search", *PRETRAINED_MODELS)
+"""Names of the policies that need no model file."""
 
 
 class Policy(Protocol):

@@ -8,7 +8,7 @@ hole is moved or turned.
 The features of a putt are NUM_FEATURES numbers of the order of 1. "Along" and "left" are relative to its direction:
 
     0-6     the slope along and left, the ground below, the height of the cup, the position on the level along and left,
-            the number of strokes left
+            the fraction of the strokes that is left
     7-12    the distance to the cup, its component along, and its component left at four scales
     13-56   for each of the four segments: by how much the line misses the cup, at three scales; the length; how far
             along the segment is closest to the cup; is_exact; matches_neighbor; the direction along and left; the
@@ -89,7 +89,7 @@ RAY_UNITS = np.array([MAX_BOUNCE_RAY_LENGTH, MAX_BOUNCE_RAY_LENGTH, 1.0, 1.0, 1.
 """Units of the numbers of a bounce ray's segment in the observation, m."""
 
 STROKES_LEFT_INDEX = STATE_FEATURES.index("strokes left")
-"""Index of the number of strokes left in an observation."""
+"""Index of the fraction of the strokes that is left, in an observation."""
 
 GROUND_INDEX = len(STATE_FEATURES)
 """Index of the ground's depth in an observation."""

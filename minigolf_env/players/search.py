@@ -1,7 +1,7 @@
 """Search for the best putt by simulating many putts from the ball's position.
 
-Without noise, search looks for a putt that holes out. If there is none, it looks for two putts that hole out. With
-noise it looks for the putt with the fewest expected strokes.
+Search looks for a putt that holes out without noise. If there is none, it looks for two putts that hole out. If there
+is one and putts are noisy, it looks for the putt with the fewest expected strokes under the noise.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from minigolf_env.envs import MiniGolfEnv, Task
 from minigolf_env.envs.config import check_noise
+from minigolf_env.envs.hole_params import FloatArray
 from minigolf_env.envs.rewards import shaping_potential
-from minigolf_env.envs.task import FloatArray
 
 IntArray = NDArray[np.int64]
 
@@ -75,7 +75,8 @@ class Plan(NamedTuple):
     strokes: float
     """Number of strokes to hole out, including this one.
 
-    It is 1 or 2 if search found putts that hole out without noise; every other number is an estimate.
+    Without noise it is 1 or 2 if search found putts that hole out. Every other number is an estimate: the expected
+    strokes under noise, or the distance that remains, converted to strokes as by reward shaping.
     """
     num_simulated: int
     """Number of putts that were simulated."""

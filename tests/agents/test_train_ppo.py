@@ -210,6 +210,7 @@ def test_rejects_folder_that_cannot_be_created(tmp_path: Path) -> None:
         ({"course": "procedural", "num_levels": 501, "eval_seed": 500}, "num_levels: expected 1 to 500"),
         ({"eval_seed": 1_000_001}, "eval_seed"),
         ({"eval_seed": 999_999}, "eval_seed"),
+        ({"eval_seed": 1_999_999}, "eval_seed"),
     ],
     ids=str,
 )

@@ -153,7 +153,9 @@ def test_interrupted_run_resumes(config: RLlibConfig, monkeypatch: pytest.Monkey
     (checkpoint,) = config.out.glob("checkpoint-*")
     assert config.eval_freq <= timesteps_of(checkpoint) < config.total_timesteps
     monkeypatch.setattr(RLlibTrainer, "learn", record_and_learn)
-    train_rllib.main(RLlibConfig(resume=config.out, address=config.address))
+    assert train_rllib.address_of(RLlibConfig(resume=config.out)) == config.address
+    assert train_rllib.address_of(RLlibConfig(resume=config.out, address="auto")) == "auto"
+    train_rllib.main(RLlibConfig(resume=config.out))
     (checkpoint,) = config.out.glob("checkpoint-*")
     assert config.total_timesteps <= timesteps_of(checkpoint) < config.total_timesteps + config.eval_freq
     assert not [file for file in config.out.iterdir() if file.name.startswith(".")], "temporary files are left"

@@ -52,10 +52,11 @@ class Rules:
 
 @dataclass
 class Model:
-    """One episode; before the first reset there is no generator."""
+    """Reference model of one environment."""
 
     rules: Rules
     rng: np.random.Generator | None = None
+    """RNG of the environment; None before the first reset."""
     hole: int | None = None
     position: tuple[float, ...] = ()
     strokes: int = 0

@@ -32,7 +32,7 @@ def segments_of(env: MiniGolfEnv, **options: Any) -> NDArray[np.float64]:
 
 @pytest.mark.parametrize("position", [(0.5, 0.4, BALL_RADIUS), (2.9, 1.7, BALL_RADIUS)], ids=str)
 def test_first_segment_equals_a_ray(position: tuple[float, float, float]) -> None:
-    """On level felt it is as long as the ray of "rays", less the standoff from walls."""
+    """On flat felt it is as long as the ray of "rays", less the standoff from walls."""
     rays = MiniGolfEnv(observation="rays").reset(options={"position": position})[0][10 : 10 + NUM_RAYS] * MAX_RAY_LENGTH
     first = segments_of(MiniGolfEnv(observation="bounce_rays"), position=position)[:: NUM_BOUNCE_RAYS // NUM_RAYS, 0]
     near = rays < 0.999 * MAX_RAY_LENGTH
@@ -53,7 +53,7 @@ def test_rays_are_reflected_off_walls() -> None:
         np.testing.assert_allclose(directions[long, k + 1], expected[long], atol=1e-3)
         compared += int(long.sum())
     assert compared > 200
-    np.testing.assert_allclose(segments[..., 4:], 0.0, atol=1e-6)  # The felt is level, and the cup is no part of it.
+    np.testing.assert_allclose(segments[..., 4:], 0.0, atol=1e-6)  # The felt is flat, and rays pass over the cup.
 
 
 def test_bounce_rays_climb_a_hill() -> None:

@@ -52,7 +52,7 @@ def test_ball_moved_along_its_ray_touches() -> None:
 
 
 def test_ground_features_are_depth_and_slope() -> None:
-    """Level felt has no depth and no slope. Above the cup the ground is further down."""
+    """Flat felt has no depth and no slope. Above the cup the ground is further down."""
     np.testing.assert_array_equal(ray_features(1.0, 0.3)[NUM_RAYS : NUM_RAYS + 3], [0.0, 0.0, 0.0])
     assert ray_features(3.45, 2.1)[NUM_RAYS] > 0.1
 

@@ -108,7 +108,7 @@ INVALID_OPTIONS: list[Any] = [
     {"reset_mask": np.zeros(NUM_ENVS, np.bool_)},
 ]
 INVALID_SEEDS: list[Any] = [-1, 1.5, "seed", [1.5] * NUM_ENVS, [0] * (NUM_ENVS + 1), {"a": 1}]
-"""Invalid for both; Gymnasium rejects numpy's integers in single environments, and so do these."""
+"""Seeds that single environments and batches reject; numpy's integers only single ones reject, as Gymnasium does."""
 
 INVALID_STATES: list[Any] = [
     "left",

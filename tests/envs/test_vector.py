@@ -232,7 +232,7 @@ def test_arrays_are_new_each_step(mode: str) -> None:
 
 
 def arrays(results: Any) -> list[np.ndarray]:
-    """Return all the arrays in what reset or step returned, but those that show the end's observations."""
+    """Return all arrays in the values that reset or step returned, except those inside arrays of objects."""
     values = results.values() if isinstance(results, dict) else results
     found = (arrays(value) if isinstance(value, (dict, tuple)) else [value] for value in values)
     return [array for several in found for array in several]

@@ -13,11 +13,12 @@ import numpy as np
 from gymnasium.spaces import Space
 from numpy.typing import NDArray
 
+from minigolf_env.envs.hole_params import FloatArray
 from minigolf_env.envs.observations.bounce_rays import bounce_ray_space, observe_bounce_rays
 from minigolf_env.envs.observations.pixels import observe_pixels, pixel_space
 from minigolf_env.envs.observations.rays import observe_rays, ray_space
 from minigolf_env.envs.observations.state import observe_state, state_space
-from minigolf_env.envs.task import FloatArray, TaskBatch
+from minigolf_env.envs.task import TaskBatch
 
 
 class ObservationType(NamedTuple):

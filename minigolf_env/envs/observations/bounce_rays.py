@@ -14,6 +14,7 @@ import numpy as np
 from gymnasium.spaces import Box, Space
 from numpy.typing import NDArray
 
+from minigolf_env.envs.hole_params import FloatArray
 from minigolf_env.envs.observations.rays import (
     MIN_DIRECTION_LENGTH,
     NUM_CUP_FEATURES,
@@ -22,7 +23,7 @@ from minigolf_env.envs.observations.rays import (
     raised_origins,
 )
 from minigolf_env.envs.observations.state import STATE_FEATURES, append_to_state
-from minigolf_env.envs.task import FloatArray, TaskBatch
+from minigolf_env.envs.task import TaskBatch
 
 NUM_BOUNCE_RAYS = 96
 """Number of horizontal directions; the first is along x, counter-clockwise."""

@@ -10,7 +10,8 @@ from gymnasium.spaces import Box
 from numpy.typing import NDArray
 
 from minigolf_env.courses import Course
-from minigolf_env.envs.task import FloatArray, TaskBatch
+from minigolf_env.envs.hole_params import FloatArray
+from minigolf_env.envs.task import TaskBatch
 from minigolf_env.rendering import flag_rest_position, static_view
 
 IMAGE_SIZE = 84

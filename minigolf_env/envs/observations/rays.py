@@ -12,8 +12,9 @@ import numpy as np
 from gymnasium.spaces import Box, Space
 from numpy.typing import NDArray
 
+from minigolf_env.envs.hole_params import FloatArray
 from minigolf_env.envs.observations.state import STATE_FEATURES, append_to_state
-from minigolf_env.envs.task import FloatArray, TaskBatch, components
+from minigolf_env.envs.task import TaskBatch, components
 
 NUM_RAYS = 32
 """Number of horizontal directions; the first is along x, counter-clockwise."""
@@ -37,7 +38,10 @@ MIN_SLOPE_NORMAL_Z = 0.1
 """Smallest upward part of a normal that a slope is computed with."""
 
 RAY_ANGLES = 2.0 * math.pi * np.arange(NUM_RAYS) / NUM_RAYS
+"""Directions (NUM_RAYS,) of the rays, radians counter-clockwise from x."""
+
 RAY_VECTORS = MAX_RAY_LENGTH * np.stack([np.cos(RAY_ANGLES), np.sin(RAY_ANGLES), np.zeros(NUM_RAYS)], axis=-1)
+"""Rays (NUM_RAYS, 3) at their greatest length, m."""
 
 NUM_GROUND_FEATURES = 3
 """Number of features of the ground: its depth below the ball, and its slope along x and y."""

@@ -8,7 +8,8 @@ import numpy as np
 from gymnasium.spaces import Box, Space
 from numpy.typing import NDArray
 
-from minigolf_env.envs.task import FloatArray, TaskBatch, components
+from minigolf_env.envs.hole_params import FloatArray
+from minigolf_env.envs.task import TaskBatch, components
 
 STATE_FEATURES = (
     "ball x",
