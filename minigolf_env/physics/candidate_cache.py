@@ -39,7 +39,7 @@ traversing the BVH."""
 
 MULTI_STEP_CAPACITY = 24
 """Maximum number of candidates in a cylinder around several paths. With more, testing them all in each sub-step costs
-more than collecting the fewer candidates of each path anew."""
+more than collecting the fewer candidates for each path again."""
 
 MAX_CANDIDATES = 2 * SINGLE_STEP_CAPACITY
 """Maximum number of triangles that the leaves near a path may hold before they are filtered."""
