@@ -52,7 +52,8 @@ class TrainConfig:
     difficulty: str | None = None
     """Difficulty of generated levels: easy, medium or hard."""
     num_levels: int | None = None
-    """Number of generated levels to train on, from level 0 (at most 1,000,000); evaluations use other levels."""
+    """Number of generated levels to train on, from level 0 (at most 1,000,000, and below
+    ``eval_seed``); evaluations use other levels."""
     observation: str = "state"
     """Observation of the environment: state, rays, bounce_rays or pixels."""
     reward: str = "shaped"

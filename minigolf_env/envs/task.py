@@ -1,7 +1,7 @@
 """The rules of the game: from an action to a launch velocity, and from a simulated shot to an outcome.
 
-The rules have no state. Every function takes one ball or N balls: arrays have any leading shape (...). There is no
-other copy of the rules.
+The rules have no state, and there is no other copy of them. Functions take arrays of any leading shape (...), one ball
+or many; those that draw random numbers or simulate take N balls.
 """
 
 from __future__ import annotations

@@ -52,7 +52,8 @@ MAX_LOOKAHEAD_STEPS = 8.0
 never reaches."""
 
 DROP_FACTOR = 0.52
-"""Drop of a path below its tangent in the time t, divided by g t^2: 1/2 and a margin."""
+"""Depth below the ground of the end of a rolling ball's path, divided by g dt^2: 1/2 and a margin. A path that is k
+times as long ends k times as deep."""
 
 DEFLECTION_RATIO = 1e-4
 """Sideways deflection of a path by resistance and slopes that its cylinder allows for, divided by the length."""
@@ -155,9 +156,9 @@ def has_spare_capacity(cache: CandidateCache) -> bool:
 def _rebuild(scene: CompiledScene, cache: CandidateCache, p: Vec3, w: Vec3) -> bool:
     """Collect the candidates for the path p to p + w and the next ones like it; return whether they fit.
 
-    The cylinder grows while few candidates are found, and shrinks when they do not fit. A path of a rolling ball drops
-    below the ground by g t^2 / 2 in its time t: the cylinder is wide enough for that up to its end, and no wider, to
-    keep the candidates few. In flight the deflection is larger, and the ball leaves the cylinder earlier.
+    The cylinder grows while few candidates are found, and shrinks when they do not fit. The path w of a rolling ball
+    points g dt^2 / 2 below the ground, and k such paths in a row k times as far: the cylinder's radius covers that and
+    no more, to keep the candidates few. In flight the deflection is larger, and the ball leaves the cylinder earlier.
     """
     state = cache.state[0]
     lookahead_steps = state["lookahead_steps"]

@@ -42,8 +42,13 @@ ROLLING_STEPS_PER_CHECK = 8
 """Number of steps of the rolling batch between two checks for balls that have become inactive."""
 
 STATUS_REST = int(Status.REST)
+"""Value of ``Status.REST`` in compiled code."""
+
 STATUS_OUT_OF_BOUNDS = int(Status.OUT_OF_BOUNDS)
+"""Value of ``Status.OUT_OF_BOUNDS`` in compiled code."""
+
 STATUS_TIME_LIMIT = int(Status.TIME_LIMIT)
+"""Value of ``Status.TIME_LIMIT`` in compiled code."""
 
 
 class Scratch(NamedTuple):
@@ -110,7 +115,7 @@ def step(
         net, duration, stops = apply_rolling_resistance(v, acceleration, resistance_deceleration, time_left)
 
         # A ball without velocity is at rest if contacts and rolling resistance balance gravity, or if it stopped twice
-        # without moving; else it starts to roll.
+        # without moving; else it starts to roll. ``net`` is zero here, and serves as its velocity.
         if stops and duration == 0.0:
             drop_factor = 0.5 * scene.dt * scene.dt  # Times gravity: the drop in a time step.
             unbalanced, num_contacts = _constrain_to_touching(scene, scratch, p, scene.gravity, drop_factor)
@@ -140,6 +145,7 @@ def step(
         if hit.row < 0:
             if not stops:
                 return StepResult(p, end_velocity, 0.0, False, bounces, False, substep + 1)
+            # The least deceleration in any direction: the resistance, minus all of the acceleration.
             deceleration = resistance_deceleration - norm(acceleration)
             v = Vec3(0.0, 0.0, 0.0) if force_resting else resolve_stop(v, end_velocity, deceleration, scene.eps)
         else:

@@ -99,7 +99,7 @@ def search(
         env: a MiniGolfEnv, wrapped or not.
         budgets: resolutions, tried in order until one finds a putt that holes out.
         look_ahead: search for a second putt if none holes out. If False, the plan is then the putt that ends closest to
-            the cup along the course.
+            the cup along the course, or, with noise, the one with the fewest expected strokes.
         noise: standard deviations of direction (degrees) and speed (fraction of it) to plan for; None: the
             environment's ``putt_noise``. The same fixed noise samples are used for every putt, never the environment's.
 

@@ -1,6 +1,6 @@
 """Cameras: position, direction and projection of a view, and the cameras that users choose by name.
 
-Numpy only. World coordinates are in metres with z up; a camera looks along ``target - eye``.
+World coordinates are in metres with z up; a camera looks along ``target - eye``.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The dirty rectangle: the part of an image that ball, flag and lines may change. Numpy only.
+"""The dirty rectangle: the part of an image that ball, flag and lines may change.
 
 While the camera stands still, the renderer copies a cached background and draws only this rectangle again. The
 rectangle bounds the projections of axis-aligned boxes around everything that moves and around its shadow.

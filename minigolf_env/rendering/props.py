@@ -1,4 +1,4 @@
-"""Everything that is drawn with a course but is not part of it: ball, flag, lawn, sun and sky. Numpy only."""
+"""Everything that is drawn with a course but is not part of it: ball, flag, lawn, sun and sky. No OpenGL."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The replay of a putt: poses of ball, flag and camera at any time. Numpy only."""
+"""The replay of a putt: poses of ball, flag and camera at any time."""
 
 from __future__ import annotations
 

@@ -28,10 +28,10 @@ from minigolf_env.courses.schema.surfaces import SurfaceAppearance, collect_surf
 from minigolf_env.physics import Surface, TriangleMesh
 
 BOUNDS_BELOW_FLOOR = 0.3
-"""Distance from the lowest floor down to the default bounds, m."""
+"""Distance from the lowest level of a lane down to the default bounds, m."""
 
 BOUNDS_ABOVE_FLOOR = 2.0
-"""Distance from the highest floor up to the default bounds, m: no ball in play flies higher."""
+"""Distance from the highest level of a lane up to the default bounds, m: no ball in play flies higher."""
 
 
 def assemble_course(

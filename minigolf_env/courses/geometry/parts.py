@@ -22,7 +22,7 @@ from minigolf_env.courses.schema import parts
 from minigolf_env.courses.schema.limits import MAX_COURSE_COORDINATE, Limits
 
 FLOOR_BELOW_CUP = 0.02
-"""Thickness of the floor below the cup's liner, m."""
+"""Thickness of a lane below the inside of its cup, or below the cup's liner if it has heights, m."""
 
 LEVEL_TOLERANCE = 1e-9
 """Largest difference of two levels that count as the same, m."""

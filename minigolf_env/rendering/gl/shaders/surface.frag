@@ -119,7 +119,7 @@ void main() {
     albedo = vec3(0.70, 0.66, 0.60) * (0.82 + 0.18 * smoothstep(0.0, 0.02, min(seam.x, seam.y)));
 #elif MATERIAL == CUP
     albedo = vec3(0.86);
-    // Darker towards the bottom, 1.3 radii below the rim.
+    // Darker down to 1.3 radii below the rim.
     if (cup.w > 0.0) albedo *= mix(0.10, 1.0, smoothstep(-1.3 * cup.w, 0.0, p.z - cup.z));
     gloss = 0.2;
 #elif MATERIAL == BRICK
