@@ -188,27 +188,32 @@ def resolve_impact(
     The average-velocity response (CS121 notes) uses the ``average`` velocity over the path of the given duration. The
     conservative response uses the velocity ``v`` at the impact and the ``net`` acceleration on the path: its approach
     speed compensates the energy difference between chord and parabola, so that an undamped impact conserves energy,
-    up to rounding. The contact is resting if the rebound would last less than dt against the normal load of gravity or
-    ``acceleration``.
+    up to rounding. The average-velocity response may return more energy than damping takes where the rebound is short,
+    and a ball would hop for ever: such an impact gets the conservative approach speed, too. The contact is resting if
+    the rebound would last less than dt against the normal load of gravity or ``acceleration``.
     """
     surface = surface_of(scene, hit)
     n = hit.normal
     restitution = surface["restitution"]
     tangential = surface["tangential"]
+    load = normal_load(scene.gravity, acceleration, n)
 
     # Choose the incoming velocity and the approach speed.
     incoming = average
     approach = -dot(average, n)
+    normal_speed = dot(v, n)
+    chord_factor = hit.alpha * (1.0 - hit.alpha) * duration * duration
     if scene.conservative:
         incoming = v
-        chord_loss = hit.alpha * (1.0 - hit.alpha) * duration * duration * dot(net, net)
-        approach = math.sqrt(dot(v, n) ** 2 + chord_loss)
-        if dot(v, n) >= 0.0:  # The ball only grazes the surface, and leaves undamped.
+        approach = math.sqrt(normal_speed**2 + chord_factor * dot(net, net))
+        if normal_speed >= 0.0:  # The ball only grazes the surface, and leaves undamped.
             restitution = 1.0
             tangential = 1.0
+    elif restitution < 1.0 and (1.0 - restitution**2) * approach < load * scene.dt and normal_speed < 0.0:
+        approach = math.sqrt(normal_speed**2 + chord_factor * dot(net, n) ** 2)
 
     # A rolling ball hits its floor at exactly load * dt / 2: rounding must not make it bounce if e = 1.
-    excess = restitution * approach - 0.5 * normal_load(scene.gravity, acceleration, n) * scene.dt
+    excess = restitution * approach - 0.5 * load * scene.dt
     if excess <= 0.0 or min(excess, approach) <= GRAZING_SPEED_RATIO * norm(average):
         return v, True
 

@@ -245,8 +245,8 @@ def step_rolling(scene: CompiledScene, batch: RecordArray, count: int) -> int:
         ok &= height_change <= -MIN_PENETRATION * eps
         ok &= height_change * height_change * radius >= MIN_STEEPNESS * eps * dot(path, path)
 
-        # Make the contact resting: certain if the average-velocity approach is too slow, as the conservative one is
-        # slower.
+        # Make the contact resting: certain if the average-velocity approach is too slow, as at alpha = 0 the
+        # energy-conserving one is slower.
         ok &= -slots["restitution"][i] * dot(average, n) <= slots["max_resting_speed"][i]
         falling = mul_add(v, -max(0.0, dot(v, n)), n)
         normal_speed = dot(falling, n)

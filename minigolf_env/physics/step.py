@@ -34,8 +34,7 @@ MAX_SUBSTEPS = 64
 """Maximum number of sub-steps of a time step, nearly always 1 to 6: the guarantee that every step ends."""
 
 FORCE_RESTING_AFTER = MAX_SUBSTEPS // 2
-"""Number of sub-steps of a time step after which every contact is resting, separating contacts are kept, and a stop is
-final. This ends infinite series of events that use up no time (Zeno behaviour): chattering in a wedge, and repeated
+"""Number of sub-steps of a time step after which every contact is resting, and a stop is final. This ends infinite series of events that use up no time (Zeno behaviour): chattering in a wedge, and repeated
 stops on a slope."""
 
 ROLLING_STEPS_PER_CHECK = 8
@@ -158,8 +157,7 @@ def step(
                 bounces += 1
 
         # Remove separating contacts, and project gravity onto what the others leave free.
-        if not force_resting:
-            num_contacts = remove_separating(contacts, num_contacts, v)
+        num_contacts = remove_separating(contacts, num_contacts, v)
         acceleration = project_onto_cone(contacts, num_contacts, scene.gravity)
 
     # The sub-steps are used up: the rest of the time is lost.

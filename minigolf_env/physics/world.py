@@ -92,8 +92,9 @@ class World:
         ball_radius: m, > 0.
         gravity: (3,) m/s^2.
         dt: the time step, s, > 0.
-        impact: "average": the notes' response, with the average velocity over the path; "conservative": with the
-            velocity at the impact, corrected so that an undamped impact conserves energy, up to rounding.
+        impact: "average": the notes' response, with the average velocity over the path, except for short hops of a
+            damped ball (docs/physics.md, "Impact response"); "conservative": with the velocity at the impact,
+            corrected so that an undamped impact conserves energy, up to rounding.
         bounds: (2, 3) lower and upper corner, m: a ball whose centre leaves them is out of bounds; None: no bounds.
 
     Raises:

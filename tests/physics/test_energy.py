@@ -1,10 +1,27 @@
-"""Impacts and energy: the exact error of the average-velocity response, and none with the conservative response."""
+"""Impacts and energy.
+
+The average-velocity response has an exact error, which is zero in short hops; the conservative response has none.
+"""
 
 import numpy as np
 import pytest
 
-from minigolf_env.physics import Surface, World
-from tests.physics.scenes import BALL_RADIUS, FloatArray, G, box, grid, inside_out, mesh, rotation, sphere, tetrahedron
+from minigolf_env.physics import Status, Surface, World
+from minigolf_env.physics.step import FORCE_RESTING_AFTER
+from tests.physics.scenes import (
+    BALL_RADIUS,
+    FloatArray,
+    G,
+    box,
+    floor_world,
+    grid,
+    inside_out,
+    mesh,
+    rotation,
+    rotation_about_y,
+    sphere,
+    tetrahedron,
+)
 
 GRAVITY = np.array([0.0, 0.0, -G])
 
@@ -34,6 +51,74 @@ def test_average_velocity_response_has_its_exact_energy_error() -> None:
         assert shot.bounces == 1
         gained = energy(world, shot.position, shot.velocity) - energy(world, start, v)
         assert gained == pytest.approx(expected, abs=1e-11 * max(1.0, v @ v))
+
+
+@pytest.mark.parametrize("e", [0.6, 0.8, 0.95])
+@pytest.mark.parametrize("slope", [0.0, 0.5])
+def test_short_hop_keeps_e_squared_of_the_normal_energy(slope: float, e: float) -> None:
+    """Where the average velocity would return more than damping takes, an impact keeps exactly e² of the energy.
+
+    That is the energy of the motion along the normal; the motion along the floor keeps ``tangential`` of its average
+    velocity, as in any impact.
+    """
+    rng = np.random.default_rng(3)
+    dt = 1 / 60
+    rot = rotation_about_y(slope)
+    n = rot @ [0.0, 0.0, 1.0]
+    load = -GRAVITY @ n
+    world = World([mesh(grid(20.0, 1), Surface(restitution=e, tangential=0.5), rot)], dt=dt)
+    num_hops = 0
+    for _ in range(200):
+        alpha = rng.uniform(0.0, 1.0)
+        approach = rng.uniform(0.5, 2.0) * load * dt
+        along = rot @ [*rng.uniform(-1, 1, 2), 0.0]
+        v = along - (approach - 0.5 * load * dt) * n
+        shot = world.simulate((BALL_RADIUS + alpha * approach * dt) * n, v, max_time=dt)
+        at_impact = -v @ n + alpha * load * dt
+        is_short = (1 - e**2) * approach < load * dt
+        if shot.bounces == 0 or not is_short or at_impact <= 0.0:
+            continue
+        num_hops += 1
+        before = 0.5 * (v @ n) ** 2 + load * alpha * approach * dt
+        after = 0.5 * (shot.velocity @ n) ** 2 + load * (shot.position @ n - BALL_RADIUS)
+        assert after == pytest.approx(e**2 * before, rel=1e-11)
+        pull = GRAVITY + load * n
+        average = v + 0.5 * dt * pull
+        sliding = average - (average @ n) * n
+        end = 0.5 * sliding + (1.0 - alpha) * dt * pull
+        assert shot.velocity - (shot.velocity @ n) * n == pytest.approx(end, abs=1e-12)
+    assert num_hops > 0
+
+
+@pytest.mark.parametrize("dt", [1 / 60, 1 / 120])
+@pytest.mark.parametrize("d", [0.5, 0.7, 0.8, 0.9, 0.95, 0.99])
+def test_dropped_ball_rests_after_the_textbook_time(d: float, dt: float) -> None:
+    """With the average-velocity response every drop ends, near sqrt(2 H / g) (1 + d) / (1 - d), and gains no energy."""
+    heights = np.random.default_rng(5).uniform(0.001, 1.0, 300)
+    world = floor_world(Surface(damping=d), dt=dt)
+    p = np.c_[np.zeros((300, 2)), BALL_RADIUS + heights]
+    v = np.zeros((300, 3))
+    shots = world.simulate_batch(p, v, max_time=200.0)
+    assert (shots.status == Status.REST).all()
+    ratio = shots.time / (np.sqrt(2.0 * heights / G) * (1 + d) / (1 - d))
+    assert np.median(ratio) == pytest.approx(0.98, abs=0.025)
+    assert ratio[heights > 0.05].min() > 0.75
+    assert ratio[heights > 0.05].max() < 1.3
+
+    before = G * p[:, 2]
+    for _ in range(240):
+        shots = world.simulate_batch(p, v, max_time=dt)
+        p, v = shots.position, shots.velocity
+        after = 0.5 * (v**2).sum(axis=1) + G * p[:, 2]
+        assert (after <= before + 1e-12).all()
+        before = after
+
+
+def test_ball_dropped_from_19_cm_rests_after_about_a_second() -> None:
+    """At the default damping of 0.7 the textbook time is 1.115 s; the CS121 notes taken literally hop for ever."""
+    shot = floor_world(Surface()).simulate((0, 0, 0.19 + BALL_RADIUS), (0, 0, 0), max_time=600)
+    assert shot.status == Status.REST
+    assert shot.time == pytest.approx(1.115, rel=0.05)
 
 
 def tall_room(rot: FloatArray, surface: Surface, **kwargs: object) -> World:
@@ -73,6 +158,30 @@ def test_conservative_impacts_never_gain_energy(d: float, rolling: float) -> Non
             shot = world.simulate(p, v, max_time=0.05)
             p, v = shot.position, shot.velocity
             assert energy(world, p, v) <= before + 1e-10 * abs(before)
+
+
+def test_contact_that_the_ball_leaves_does_not_cancel_gravity() -> None:
+    """A step of many sub-steps gains no energy, with gravity that bends the path by metres in a step.
+
+    The balls slide around a faceted sphere, from the inside: they leave a facet's plane at each edge, many times a step.
+    """
+    rng = np.random.default_rng(0)
+    bowl = mesh(inside_out(sphere([0, 0, 0], 1.0)), Surface(restitution=0.3, tangential=0.9, rolling=0.0))
+    max_substeps = 0
+    for _ in range(12):
+        gravity = rotation(rng) @ [0.0, 0.0, 10.0 ** rng.uniform(4, 5.5)]
+        world = World([bowl], gravity=gravity, impact="conservative")
+        p, v = rng.uniform(-0.5, 0.5, (64, 3)), 30.0 * rng.normal(size=(64, 3))
+        for _ in range(20):
+            before = 0.5 * (v**2).sum(axis=1) - p @ gravity
+            recorded = world.simulate(p[0], v[0], max_time=world.dt, record=True)
+            assert recorded.num_substeps is not None
+            max_substeps = max(max_substeps, int(recorded.num_substeps.max()))
+            shots = world.simulate_batch(p, v, max_time=world.dt)
+            p, v = shots.position, shots.velocity
+            after = 0.5 * (v**2).sum(axis=1) - p @ gravity
+            assert (after <= before + 1e-12 * np.linalg.norm(gravity)).all()
+    assert max_substeps > FORCE_RESTING_AFTER
 
 
 def test_impact_does_not_return_energy_lost_to_rolling_resistance() -> None:

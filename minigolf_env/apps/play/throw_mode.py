@@ -9,7 +9,7 @@ from minigolf_env.apps.play.stroke import HUMAN_NAME, FloatArray, PlayedStroke, 
 from minigolf_env.courses import Course
 
 MAX_THROW_TIME = 20.0
-"""Longest time that a throw is simulated, s; some balls never come to rest completely."""
+"""Longest time that a throw is simulated, s."""
 
 
 class ThrowMode:
