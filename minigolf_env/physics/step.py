@@ -34,8 +34,10 @@ MAX_SUBSTEPS = 64
 """Maximum number of sub-steps of a time step, nearly always 1 to 6: the guarantee that every step ends."""
 
 FORCE_RESTING_AFTER = MAX_SUBSTEPS // 2
-"""Number of sub-steps of a time step after which every contact is resting, and a stop is final. This ends infinite series of events that use up no time (Zeno behaviour): chattering in a wedge, and repeated
-stops on a slope."""
+"""Number of sub-steps of a time step after which every contact is resting and a stop is final.
+
+This ends infinite series of events that use up no time (Zeno behaviour): chattering in a wedge, and repeated stops on a
+slope."""
 
 ROLLING_STEPS_PER_CHECK = 8
 """Number of steps of the rolling batch between two checks for balls that have become inactive."""

@@ -163,7 +163,7 @@ def test_conservative_impacts_never_gain_energy(d: float, rolling: float) -> Non
 def test_contact_that_the_ball_leaves_does_not_cancel_gravity() -> None:
     """A step of many sub-steps gains no energy, with gravity that bends the path by metres in a step.
 
-    The balls slide around a faceted sphere, from the inside: they leave a facet's plane at each edge, many times a step.
+    The balls slide around a faceted sphere, from the inside: they leave a facet's plane at each edge.
     """
     rng = np.random.default_rng(0)
     bowl = mesh(inside_out(sphere([0, 0, 0], 1.0)), Surface(restitution=0.3, tangential=0.9, rolling=0.0))
