@@ -77,7 +77,7 @@ class PuttCollector:
         directions, rolls = self._propose_candidates(greedy)
         outcome = envs.what_if(putt_actions(*self._add_putt_noise(directions, rolls)))
         tasks: TaskBatch = envs.task_batch
-        remaining = -shaping_potential(tasks, outcome.position.swapaxes(0, 1)).T
+        remaining = -shaping_potential(tasks, outcome.position)
 
         # Play one candidate of each ball: the greedy one, which is the first, or a random one.
         candidates = rng.integers(self._num_candidates, size=len(observations))

@@ -28,6 +28,7 @@ from agents.sb3_vec_env import SB3VecEnv
 from benchmarks.report import format_rate, print_table
 from minigolf_env.envs import MiniGolfVectorEnv
 from minigolf_env.envs.task import MAX_PUTT_TIME
+from minigolf_env.physics import WorldBatch
 
 ENDLESS_EPISODE_STROKES = 1_000_000
 """Stroke limit of an episode that does not end during a measurement."""
@@ -78,7 +79,7 @@ def measure_steps(args: Args, idle: bool, **options: Any) -> StepCost:
         # With SameStep every environment plays in every step.
         starts = np.array([state["position"] for state in envs.get_state()])
         velocities = envs.task_batch.launch_velocity(putts)
-        world = envs.task_batch.world
+        world = WorldBatch([task.world for task in envs.task_batch.tasks])
         physics = cpu_seconds(lambda: world.simulate_batch(starts, velocities, MAX_PUTT_TIME))  # noqa: B023 (called at once)
         step = cpu_seconds(lambda: envs.step(putts))  # noqa: B023
         times.append((step, physics, step / physics, step - physics))

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import Any
+from dataclasses import dataclass, field, fields
 
 import numpy as np
+from numpy.typing import NDArray
 
 from minigolf_env.envs import MiniGolfEnv, Task
-from minigolf_env.envs.hole_params import FloatArray
-from minigolf_env.envs.task import Outcome
-from minigolf_env.physics import Shot, Status, World
+from minigolf_env.envs.holes import FloatArray
+from minigolf_env.envs.task import MAX_PUTT_TIME, Outcome, PlayedPutts
+from minigolf_env.physics import Status
 
 PENETRATION_TOLERANCE = 1e-12
 """Depth beyond which a ball counts as inside a solid, as a fraction of the world's coordinate scale."""
@@ -22,42 +22,53 @@ MIN_ESCAPE_DISTANCE = 0.3
 """Distance by which a putt has to move a ball that is not stuck, m."""
 
 
-class CountingWorld:
-    """World that counts the failures among its putts.
+@dataclass
+class FailureCounts:
+    """Numbers of putts, and of failures among them."""
+
+    putts: int = 0
+    """Number of putts."""
+    timed_out: int = 0
+    """Number of balls that were still moving at the time limit."""
+    exhausted: int = 0
+    """Number of time steps that needed more sub-steps than the limit."""
+    inside: int = 0
+    """Number of balls that ended inside a solid."""
+
+
+@dataclass(frozen=True, eq=False)
+class CountingTask(Task):
+    """Task that counts the failures among its putts, each of which it simulates a second time.
 
     Args:
-        world: simulates the putts.
+        counts: receives the numbers.
     """
 
-    def __init__(self, world: World) -> None:
-        self._world = world
-        self.num_putts = 0
-        self.num_timed_out = 0
-        """Number of balls that were still moving at the time limit."""
-        self.num_exhausted = 0
-        """Number of balls that needed more sub-steps in a time step than the limit."""
-        self.num_inside = 0
-        """Number of balls that ended inside a solid."""
+    counts: FailureCounts = field(default_factory=FailureCounts)
 
-    def simulate_batch(self, positions: FloatArray, velocities: FloatArray, max_time: float) -> Shot:
-        """Return the result of ``World.simulate_batch``."""
-        shot = self._world.simulate_batch(positions, velocities, max_time)
-        min_clearance = -PENETRATION_TOLERANCE * self._world.coordinate_scale
-        self.num_putts += len(positions)
-        self.num_timed_out += int((np.asarray(shot.status) == Status.TIME_LIMIT).sum())
-        self.num_exhausted += int(np.asarray(shot.exhausted).sum())
-        self.num_inside += int((self._world.clearance(shot.position) < min_clearance).sum())
-        return shot
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._world, name)
+    def play(
+        self,
+        positions: FloatArray,
+        actions: FloatArray,
+        strokes: NDArray[np.int64] | None = None,
+        noise: FloatArray | None = None,
+    ) -> PlayedPutts:
+        """Return the result of ``Task.play``."""
+        played = super().play(positions, actions, strokes, noise)
+        shot = self.world.simulate_batch(positions, played.velocity, MAX_PUTT_TIME)
+        min_clearance = -PENETRATION_TOLERANCE * self.world.coordinate_scale
+        self.counts.putts += len(positions)
+        self.counts.timed_out += int((np.asarray(shot.status) == Status.TIME_LIMIT).sum())
+        self.counts.exhausted += int(np.asarray(shot.exhausted).sum())
+        self.counts.inside += int((self.world.clearance(shot.position) < min_clearance).sum())
+        return played
 
 
-def count_failures(env: MiniGolfEnv) -> CountingWorld:
-    """Replace the world of an environment's task by a counting one, and return it; it counts until the task changes."""
-    world = CountingWorld(env.task.world)
-    env.task = replace(env.task, world=world)
-    return world
+def count_failures(env: MiniGolfEnv) -> FailureCounts:
+    """Count the failures of an environment's putts until its task changes; return the counts, which grow."""
+    task = CountingTask(**{field.name: getattr(env.task, field.name) for field in fields(Task)})
+    env.task = task
+    return task.counts
 
 
 def random_putts(task: Task, balls: FloatArray, rng: np.random.Generator) -> tuple[FloatArray, Outcome]:
@@ -65,8 +76,8 @@ def random_putts(task: Task, balls: FloatArray, rng: np.random.Generator) -> tup
     angles = rng.uniform(0.0, 2.0 * np.pi, len(balls))
     speeds = rng.random(len(balls)) ** 0.5
     actions = np.stack([speeds * np.cos(angles), speeds * np.sin(angles)], axis=-1)
-    velocities = task.launch_velocity(actions)
-    return velocities, task.simulate(balls, velocities)
+    played = task.play(balls, actions)
+    return played.velocity, played.outcome
 
 
 def count_stuck(task: Task, balls: FloatArray) -> int:
@@ -76,7 +87,7 @@ def count_stuck(task: Task, balls: FloatArray) -> int:
     speeds = np.where(index[:, None] % 2, 0.15, 1.0)
     actions = speeds * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
     starts = np.repeat(balls, NUM_ESCAPE_PUTTS, axis=0)
-    outcome = task.simulate(starts, task.launch_velocity(np.tile(actions, (len(balls), 1))))
+    outcome = task.play(starts, np.tile(actions, (len(balls), 1))).outcome
     distances = np.linalg.norm(outcome.position - starts, axis=1).reshape(-1, NUM_ESCAPE_PUTTS)
     has_moved = distances.max(axis=1) > MIN_ESCAPE_DISTANCE
     has_holed = outcome.holed.reshape(-1, NUM_ESCAPE_PUTTS).any(axis=1)

@@ -28,7 +28,7 @@ from benchmarks.report import print_table
 from minigolf_env.courses.procedural import DIFFICULTY_NAMES, GENERATOR_VERSION
 from minigolf_env.courses.procedural.level import build_level
 from minigolf_env.envs import MiniGolfEnv, Result, Task
-from minigolf_env.envs.hole_params import FloatArray
+from minigolf_env.envs.holes import FloatArray
 from minigolf_env.evaluation.rollout import search_strokes
 
 PUTTS_PER_BALL = 4
@@ -104,7 +104,7 @@ def examine_level(env: MiniGolfEnv, difficulty: str, level: int, args: Args) -> 
     course.world()
     world_end = time.process_time()
     env.reset(seed=0, options={"level": level})
-    counting_world = count_failures(env)
+    counts = count_failures(env)
     task = env.task
     rng = np.random.default_rng(level)
     tee = np.append(task.course.tee.centre, task.course.ball_radius)
@@ -127,10 +127,10 @@ def examine_level(env: MiniGolfEnv, difficulty: str, level: int, args: Args) -> 
         out=out,
         low_out=low_out,
         stuck=count_stuck(task, balls),
-        putts=counting_world.num_putts,
-        late=counting_world.num_timed_out,
-        exhausted=counting_world.num_exhausted,
-        inside=counting_world.num_inside,
+        putts=counts.putts,
+        late=counts.timed_out,
+        exhausted=counts.exhausted,
+        inside=counts.inside,
     )
 
 

@@ -62,9 +62,9 @@ def main(args: Args) -> None:
         counts = np.zeros(4, np.int64)
         for seed in tqdm(range(args.seed, args.seed + args.rounds), name, leave=False):
             env.reset(seed=seed)
-            world = count_failures(env)
+            failures = count_failures(env)
             strokes.append(search_strokes(env))
-            counts += world.num_putts, world.num_timed_out, world.num_exhausted, world.num_inside
+            counts += failures.putts, failures.timed_out, failures.exhausted, failures.inside
         interval = mean_interval(strokes)
         par = par_of(name)
         low, high = (max(MIN_PAR, round(mean)) for mean in interval)

@@ -37,16 +37,17 @@ def finite_array(
     Raises:
         ValueError: no real numbers, another shape, or a magnitude above ``max_number``.
     """
-    expected = "(" + ", ".join("N" if n is None else str(n) for n in shape) + ("," if len(shape) == 1 else "") + ")"
     try:
         given = np.asarray(value)
         if given.dtype.kind not in NUMERIC_KINDS:
             raise TypeError(f"{given.dtype} is no type of real numbers")
         array = given.astype(np.float64)
     except (OverflowError, TypeError, ValueError) as error:
-        raise ValueError(f"{what}: expected numbers of shape {expected}, received {value!r:.80}; {hint}") from error
+        raise ValueError(
+            f"{what}: expected numbers of shape {_shape_text(shape)}, received {value!r:.80}; {hint}"
+        ) from error
     if array.ndim != len(shape) or any(n is not None and n != m for n, m in zip(shape, array.shape, strict=True)):
-        raise ValueError(f"{what}: expected shape {expected}, received {array.shape}; {hint}")
+        raise ValueError(f"{what}: expected shape {_shape_text(shape)}, received {array.shape}; {hint}")
     is_valid = np.abs(array) <= max_number
     if not is_valid.all():
         index = tuple(int(i) for i in np.argwhere(~is_valid)[0])
@@ -54,6 +55,11 @@ def finite_array(
             f"{what}: expected finite numbers up to {max_number:g}, received {array[index]} at index {index}; {hint}"
         )
     return array
+
+
+def _shape_text(shape: tuple[int | None, ...]) -> str:
+    """Return a shape as text, such as "(N, 3)"."""
+    return "(" + ", ".join("N" if n is None else str(n) for n in shape) + ("," if len(shape) == 1 else "") + ")"
 
 
 def positive_number(value: float, what: str, hint: str) -> float:

@@ -83,18 +83,18 @@ def simulate_putts(
     task = build_task(loaded)
     x, y = loaded.tee.centre if tee is None else tee
     start = check_position(task, (x, y, loaded.tee.height + loaded.ball_radius))
-    # Make the grid of launch velocities.
+    # Make the grid of putts.
     indices = np.array(range(directions) if direction_range is None else direction_range)
     degrees: NDArray[np.float64] = indices * (360.0 / directions)
     shares: NDArray[np.float64] = np.arange(1.0, speeds + 1.0) / speeds
     angle, share = (grid.ravel() for grid in np.meshgrid(np.radians(degrees), shares, indexing="ij"))
-    velocities = task.launch_velocity(np.c_[share * np.cos(angle), share * np.sin(angle)])
+    actions = np.c_[share * np.cos(angle), share * np.sin(angle)]
     # Simulate the putts in chunks.
     outcomes = []
-    with tqdm(total=len(velocities), unit=" putts", disable=None if progress else True) as bar:
-        for first in range(0, len(velocities), PUTTS_PER_PROGRESS_UPDATE):
-            chunk = velocities[first : first + PUTTS_PER_PROGRESS_UPDATE]
-            outcomes.append(task.simulate(np.tile(start, (len(chunk), 1)), chunk))
+    with tqdm(total=len(actions), unit=" putts", disable=None if progress else True) as bar:
+        for first in range(0, len(actions), PUTTS_PER_PROGRESS_UPDATE):
+            chunk = actions[first : first + PUTTS_PER_PROGRESS_UPDATE]
+            outcomes.append(task.play(np.tile(start, (len(chunk), 1)), chunk).outcome)
             bar.update(len(chunk))
     fields = (
         np.concatenate(field).reshape(len(degrees), speeds, *field[0].shape[1:])

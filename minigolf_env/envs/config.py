@@ -25,11 +25,11 @@ from minigolf_env.courses.procedural import (
     is_level_name,
     level_name,
 )
-from minigolf_env.envs.hole_params import FloatArray, HoleParams
+from minigolf_env.envs.holes import FloatArray, compile_hole
 from minigolf_env.envs.observations import OBSERVATIONS, ObservationType
 from minigolf_env.envs.rewards import RewardFunction, build_reward
 from minigolf_env.envs.samplers import LevelSampler, SequentialTasks, SingleTask, TaskSampler
-from minigolf_env.envs.task import Task
+from minigolf_env.envs.task import MAX_PUTT_TIME, Task
 from minigolf_env.physics import World
 from minigolf_env.physics.world import IMPACT_MODELS
 from minigolf_env.rendering import CAMERA_NAMES, RENDER_PROFILES, RenderSettings, check_size
@@ -177,13 +177,14 @@ def build_task(
         )
     speed = loaded.top_speed if top_speed is None else top_speed
     speed = positive_number(speed, "top_speed", "give the launch speed of a full putt in m/s.")
+    world = _cached_world(
+        loaded, positive_number(dt, "dt", "1/120 s suits minigolf."), one_of(impact, IMPACT_MODELS, "impact")
+    )
+    strokes = integer(max_strokes, "max_strokes", 1)
     return Task(
-        courses=(loaded,),
-        params=HoleParams.from_course(loaded, speed),
-        world=_cached_world(
-            loaded, positive_number(dt, "dt", "1/120 s suits minigolf."), one_of(impact, IMPACT_MODELS, "impact")
-        ),
-        max_strokes=integer(max_strokes, "max_strokes", 1),
+        course=loaded,
+        holes=compile_hole(loaded, speed, strokes, world.num_steps_for(MAX_PUTT_TIME)),
+        world=world,
         random_tee=one_of(tee, TEE_CHOICES, "tee") == "random",
         putt_noise=check_noise(putt_noise),
     )

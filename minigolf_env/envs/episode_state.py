@@ -10,7 +10,7 @@ import numpy as np
 
 from minigolf_env._validation import finite_array, integer
 from minigolf_env.envs.config import POSITION_HINT, check_positions
-from minigolf_env.envs.hole_params import FloatArray
+from minigolf_env.envs.holes import FloatArray
 from minigolf_env.envs.samplers import TaskSampler
 from minigolf_env.envs.task import Task
 

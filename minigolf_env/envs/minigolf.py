@@ -20,7 +20,7 @@ from minigolf_env.envs.config import (
     check_positions,
 )
 from minigolf_env.envs.episode_state import decode_state, encode_state, task_index_info
-from minigolf_env.envs.hole_params import FloatArray
+from minigolf_env.envs.holes import FloatArray
 from minigolf_env.envs.infos import single_info
 from minigolf_env.envs.rewards import explain_unserializable
 from minigolf_env.envs.stroke import play_stroke
@@ -202,7 +202,7 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
         self._strokes = 0
         self._over = False
         self.renderer.place_ball(position, self._putt_scene())
-        return self._observe(), self._info(None)
+        return self._observe(self._observe_state()), self._info(None)
 
     def step(self, action: ArrayLike) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Play one putt; return (observation, reward, terminated, truncated, info)."""
@@ -217,7 +217,7 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
         self._strokes += 1
         self._over = bool(stroke.ended[0])
         self.renderer.add_putt(before, stroke.velocity[0], self._position)
-        return self._observe(), float(stroke.reward[0]), self._over, False, self._info(stroke.outcome)
+        return self._observe(stroke.state), float(stroke.reward[0]), self._over, False, self._info(stroke.outcome)
 
     def render(self) -> Any:
         """Return an image, a list of images, or None, according to the render mode."""
@@ -231,8 +231,7 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
     def what_if(self, actions: ArrayLike) -> Outcome:
         """Return the outcome of putts (N, 2) from the present state, without noise and without moving the ball."""
         putts = check_actions(actions, (None, 2))
-        positions = np.tile(self._ball(), (len(putts), 1))
-        return self.task.simulate(positions, self.task.launch_velocity(putts))
+        return self.task.play(np.tile(self._ball(), (len(putts), 1)), putts).outcome
 
     def get_state(self) -> dict[str, Any]:
         """Return the episode's state: a copy in plain values, all that ``set_state`` needs to resume the episode."""
@@ -262,8 +261,13 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
             raise ResetNeeded("Call reset() first: there is no ball on the course yet.")
         return self._position
 
-    def _observe(self) -> Observation:
-        observations = self._observation.observe(self.task, self._ball()[None], np.array([self._strokes]))
+    def _observe_state(self) -> NDArray[np.float32]:
+        """Return the features "state" (1, 10)."""
+        return self.task.observe_state(self._ball()[None], np.array([self._strokes]))
+
+    def _observe(self, state: NDArray[np.float32]) -> Observation:
+        """Return the observation of a ball with the features ``state`` (1, 10)."""
+        observations = self._observation.observe(self.task, self._ball()[None], np.array([self._strokes]), state)
         observation: Observation = observations[0]
         return observation
 

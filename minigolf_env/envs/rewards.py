@@ -22,7 +22,7 @@ from gymnasium.envs.registration import EnvSpec
 from numpy.typing import ArrayLike, NDArray
 
 from minigolf_env._validation import finite_array, one_of
-from minigolf_env.envs.hole_params import FloatArray
+from minigolf_env.envs.holes import FloatArray
 from minigolf_env.envs.task import Outcome, TaskBatch
 
 MIN_STROKES_TO_FINISH = 1.0
@@ -45,8 +45,9 @@ def shaped_reward(before: FloatArray, outcome: Outcome, ended: NDArray[np.bool_]
     This is potential-based reward shaping (Ng, Harada and Russell, 1999) without a discount: over an episode it adds a
     constant, so that the best policy stays the same.
     """
-    after = np.where(ended, 0.0, shaping_potential(task, outcome.position))
-    return np.asarray(-1.0 + after - shaping_potential(task, before))
+    after = shaping_potential(task, outcome.position)
+    after[ended] = 0.0
+    return after - 1.0 - shaping_potential(task, before)
 
 
 def shaping_potential(task: TaskBatch, positions: FloatArray) -> FloatArray:

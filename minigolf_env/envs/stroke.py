@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minigolf_env.envs.generators import restore_on_error
-from minigolf_env.envs.hole_params import FloatArray
+from minigolf_env.envs.holes import FloatArray
 from minigolf_env.envs.rewards import CheckedReward, RewardFunction
 from minigolf_env.envs.task import Outcome, TaskBatch
 
@@ -21,6 +21,8 @@ class StrokeResult(NamedTuple):
     """Launch velocities (N, 3), m/s, with the noise of the putts."""
     outcome: Outcome
     """Outcome of the stroke."""
+    state: NDArray[np.float32]
+    """(N, 10) observations "state" after the stroke."""
     ended: NDArray[np.bool_]
     """(N,) bool: the episode ended with this stroke."""
     reward: FloatArray
@@ -49,7 +51,6 @@ def play_stroke(
     # Generators are saved only where an error can follow the draw: reading their states takes 2 us each.
     with restore_on_error(rngs if task.is_noisy and isinstance(reward, CheckedReward) else ()):
         noise = task.sample_noise(rngs) if task.is_noisy else None
-        velocity = task.launch_velocity(actions, noise)
-        outcome = task.simulate(positions, velocity)
+        velocity, outcome, state = task.play(positions, actions, strokes, noise)
         ended = outcome.holed | (strokes + 1 >= task.max_strokes)
-        return StrokeResult(velocity, outcome, ended, np.asarray(reward(positions, outcome, ended, task)))
+        return StrokeResult(velocity, outcome, state, ended, np.asarray(reward(positions, outcome, ended, task)))

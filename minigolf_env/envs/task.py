@@ -1,28 +1,39 @@
-"""The rules of the game: from an action to a launch velocity, and from a simulated shot to an outcome.
-
-The rules have no state, and there is no other copy of them. Functions take arrays of any leading shape (...), one ball
-or many; those that draw random numbers or simulate take N balls.
-"""
+"""Tasks: a course with its rules, for one ball or for N. The rules themselves are compiled, see ``rules.py``."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass
 from enum import IntEnum
-from functools import cached_property
-from typing import NamedTuple, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from gymnasium.spaces import Box, Space
 from numpy.typing import NDArray
 
 from minigolf_env.courses import Course, Cup
-from minigolf_env.envs.hole_params import FloatArray, HoleParams, RouteSegment
-from minigolf_env.physics import Status, World, WorldBatch
+from minigolf_env.envs.holes import FloatArray, Holes, stack_holes
+from minigolf_env.envs.rules import (
+    NUM_STATE_FEATURES,
+    RESULT_HOLED,
+    distance_rows,
+    holed_rows,
+    launch_rows,
+    play_range,
+    state_rows,
+)
+from minigolf_env.physics import Status, World
+from minigolf_env.physics.batch import NO_LOG, NO_PATH, for_each_range, thread_scratch
+from minigolf_env.physics.jit import notify_if_compiling
+from minigolf_env.physics.step import RunBatch
+from minigolf_env.physics.types import RESULT_DTYPE
 
 MAX_PUTT_TIME = 30.0
 """Longest duration of a putt, s: several times as long as a ball rolls on any green."""
+
+NO_NOISE = np.empty((0, 3))
+"""Noise of putts that have none."""
 
 
 class Result(IntEnum):
@@ -31,7 +42,7 @@ class Result(IntEnum):
     REST = Status.REST
     OUT_OF_BOUNDS = Status.OUT_OF_BOUNDS
     TIME_LIMIT = Status.TIME_LIMIT
-    HOLED = 3
+    HOLED = RESULT_HOLED
 
 
 class Outcome(NamedTuple):
@@ -58,7 +69,18 @@ class Outcome(NamedTuple):
     @property
     def holed(self) -> NDArray[np.bool_]:
         """(...) bool: the ball is in the cup."""
-        return np.asarray(self.result == Result.HOLED)
+        return np.asarray(self.result == RESULT_HOLED)
+
+
+class PlayedPutts(NamedTuple):
+    """Putts of N balls, from action to observation."""
+
+    velocity: FloatArray
+    """(N, 3) launch velocities, m/s, with the noise of the putts."""
+    outcome: Outcome
+    """Outcome of the strokes."""
+    state: NDArray[np.float32]
+    """(N, NUM_STATE_FEATURES) observations "state" after the strokes."""
 
 
 def action_space() -> Space[NDArray[np.float32]]:
@@ -66,48 +88,35 @@ def action_space() -> Space[NDArray[np.float32]]:
     return cast(Space[NDArray[np.float32]], Box(-1.0, 1.0, (2,), np.float32))
 
 
-def components(array: FloatArray) -> tuple[FloatArray, ...]:
-    """Return x, y and z, each (...), of vectors (..., 3).
-
-    Arithmetic with whole components takes a tenth of the time of arithmetic with rows of three.
-    """
-    return tuple(array[..., k] for k in range(array.shape[-1]))
-
-
-@dataclass(frozen=True, eq=False)
 class TaskBatch:
-    """The rules of the game for N balls, on one hole or each on its own.
+    """The tasks of N balls: one that all of them play, or one for each.
 
     Args:
-        courses: one course for all balls, or N courses, with cups.
-        params: parameters of the holes: cups, tees, bounds and routes.
-        world: the compiled physics of the one course, or of all.
-        max_strokes: number of strokes after which an episode ends.
-        random_tee: start at a uniformly random place in the tee box; otherwise in its middle.
-        putt_noise: standard deviations of a putt's direction (degrees) and speed (fraction of it).
+        tasks: one task, or N tasks of the same rules.
     """
 
-    courses: tuple[Course, ...]
-    params: HoleParams
-    world: World | WorldBatch
-    max_strokes: int
-    random_tee: bool
-    putt_noise: tuple[float, float]
-
-    def sample_start(self, rngs: Collection[np.random.Generator]) -> FloatArray:
-        """Return centres (N, 3), m, of balls in the tee box: random, each from its own generator, or the middle."""
-        lower = self.params.tee[..., 0, :]
-        upper = self.params.tee[..., 1, :]
-        fractions = np.full((len(rngs), 3), 0.5)
-        if self.random_tee:
-            for rng, horizontal in zip(rngs, fractions[:, :2], strict=True):
-                rng.random(out=horizontal)
-        return np.asarray(lower + fractions * (upper - lower))
+    def __init__(self, tasks: Sequence[Task]) -> None:
+        self.tasks = tuple(tasks)
+        self.holes = stack_holes([task.holes for task in tasks])
 
     @property
     def is_noisy(self) -> bool:
         """True if putts have noise."""
-        return any(self.putt_noise)
+        return any(self.tasks[0].putt_noise)
+
+    @property
+    def max_strokes(self) -> int:
+        """Number of strokes after which an episode ends."""
+        return int(self.holes.params["max_strokes"][0])
+
+    def sample_start(self, rngs: Collection[np.random.Generator]) -> FloatArray:
+        """Return centres (N, 3), m, of balls in the tee box: random, each from its own generator, or the middle."""
+        lower, upper = self.holes.params["tee"].swapaxes(0, 1)
+        fractions = np.full((len(rngs), 3), 0.5)
+        if self.tasks[0].random_tee:
+            for rng, horizontal in zip(rngs, fractions[:, :2], strict=True):
+                rng.random(out=horizontal)
+        return np.asarray(lower + fractions * (upper - lower))
 
     def sample_noise(self, rngs: Collection[np.random.Generator]) -> FloatArray:
         """Return standard normal numbers (N, 2) for the noise of putts, each ball's from its own generator."""
@@ -119,113 +128,144 @@ class TaskBatch:
     def launch_velocity(self, actions: FloatArray, noise: FloatArray | None = None) -> FloatArray:
         """Return launch velocities (..., 3), m/s, of actions (..., 2).
 
-        The direction of an action is that of the putt; its length, clipped to 1, is the fraction of the top speed.
-
         Args:
             actions: the putts.
             noise: (..., 2) standard normal numbers, which ``putt_noise`` scales to a turn and to a change of speed;
                 None: no noise.
         """
-        length = np.hypot(actions[..., 0], actions[..., 1])
-        putt = actions * (self.params.top_speed / np.maximum(length, 1.0))[..., None]
-        if noise is not None:
-            turn = noise[..., 0] * math.radians(self.putt_noise[0])
-            cos, sin = np.cos(turn), np.sin(turn)
-            x, y = putt[..., 0], putt[..., 1]
-            putt = np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
-            putt = putt * np.maximum(0.0, 1.0 + noise[..., 1] * self.putt_noise[1])[..., None]
-        return np.concatenate([putt, np.zeros_like(putt[..., :1])], axis=-1)
+        putts = actions.reshape(-1, 2)
+        launches = np.empty((len(putts), 3))
+        launch_rows(self.holes.params, self._rows_per_hole(len(putts)), putts, self._scale_noise(noise), launches)
+        return launches.reshape(*actions.shape[:-1], 3)
 
-    def simulate(self, positions: FloatArray, velocities: FloatArray) -> Outcome:
-        """Return the outcome of balls at positions (N, 3), m, launched with velocities (N, 3), m/s."""
-        shot = self.world.simulate_batch(positions, velocities, MAX_PUTT_TIME)
-        holed = self.is_holed(shot.position, shot.velocity)
-        result = np.where(holed, np.int8(Result.HOLED), shot.status)
-        # A ball that left the course, or did not come to rest, is put back where it was struck; the stroke counts.
-        keeps_position = holed | (result == Result.REST)
-        position = np.where(keeps_position[:, None], shot.position, positions)
-        return Outcome(position, result, np.asarray(shot.time), np.asarray(shot.bounces))
+    def play(
+        self,
+        positions: FloatArray,
+        actions: FloatArray,
+        strokes: NDArray[np.int64] | None = None,
+        noise: FloatArray | None = None,
+    ) -> PlayedPutts:
+        """Play putts of N balls at once, on all threads.
+
+        Args:
+            positions: (N, 3) the balls' centres, m, in free space and within the bounds.
+            actions: (N, 2) the putts.
+            strokes: (N,) number of strokes of the episodes before these; None: 0.
+            noise: (N, 2), see ``launch_velocity``.
+        """
+        n = len(positions)
+        counts = np.zeros(n, np.int64) if strokes is None else strokes
+        scaled_noise = self._scale_noise(noise)
+        runs = RunBatch(positions.copy(), np.empty((n, 3)), np.zeros(n, RESULT_DTYPE))
+        launches = np.empty((n, 3))
+        state = np.empty((n, NUM_STATE_FEATURES), np.float32)
+
+        with notify_if_compiling("play"):
+            self.for_each_hole(
+                play_range, actions, scaled_noise, positions, counts, runs, NO_PATH, NO_LOG, launches, state
+            )
+        results = runs.results
+        outcome = Outcome(
+            runs.positions, results["status"].astype(np.int8), results["time"].copy(), results["bounces"].copy()
+        )
+        return PlayedPutts(launches, outcome, state)
 
     def is_holed(self, positions: FloatArray, velocities: FloatArray) -> NDArray[np.bool_]:
         """Return whether balls (...) cannot leave the cup: below its rim, and without the energy to come out.
-
-        To leave the cup, a ball must pass over the edge of the rim with its centre one radius above it.
 
         Args:
             positions: (..., 3), m.
             velocities: (..., 3), m/s.
         """
-        x, y, z = components(positions)
-        u, v, w = components(velocities)
-        cup_x, cup_y, rim = components(self.params.cup)
-        inside = np.hypot(x - cup_x, y - cup_y) < self.params.cup_radius
-        climb = (u * u + v * v + w * w) / (2.0 * self.params.gravity)
-        return np.asarray(inside & (z < rim) & (z + climb < rim + self.params.ball_radius))
+        p = positions.reshape(-1, 3)
+        v = velocities.reshape(-1, 3)
+        holed = np.empty(len(p), np.bool_)
+        holed_rows(self.holes.params, self._rows_per_hole(len(p)), p, v, holed)
+        return holed.reshape(positions.shape[:-1])
 
     def distance_to_cup(self, positions: FloatArray) -> FloatArray:
         """Return the distance (...) along the course from positions (..., 3) to the cup, m.
 
         It is the straight distance to the end of the nearest segment of the course's route, plus the rest of the route.
+        With a task for each ball the first axis of the positions is that of the balls.
         """
-        x, y, _ = components(positions)
-        smallest_sq = np.asarray(np.inf)
-        distance = np.asarray(0.0)
-        for segment in self._route_segments:
-            # Find the nearest point of the segment.
-            dx, dy = x - segment.start[0], y - segment.start[1]
-            fraction = (dx * segment.vector[0] + dy * segment.vector[1]) / segment.length_sq
-            fraction = np.minimum(np.maximum(fraction, 0.0), 1.0)
-            dx, dy = dx - fraction * segment.vector[0], dy - fraction * segment.vector[1]
-            offset_sq = dx * dx + dy * dy
-            # Keep the distance along the nearest segment.
-            along = np.hypot(segment.end[0] - x, segment.end[1] - y) + segment.remaining
-            distance = np.where(offset_sq < smallest_sq, along, distance)
-            smallest_sq = np.minimum(smallest_sq, offset_sq)
-        return distance
+        p = positions.reshape(-1, 3)
+        distances = np.empty(len(p))
+        distance_rows(self.holes.params, self._rows_per_hole(len(p)), self.holes.route, p, distances)
+        return distances.reshape(positions.shape[:-1])
 
-    @cached_property
-    def _route_segments(self) -> list[RouteSegment]:
-        return self.params.route_segments()
+    def observe_state(self, positions: FloatArray, strokes: NDArray[np.int64]) -> NDArray[np.float32]:
+        """Return observations "state" (N, 10) of balls at positions (N, 3), m, after a number of strokes (N,)."""
+        state = np.empty((len(positions), NUM_STATE_FEATURES), np.float32)
+        state_rows(self.holes.params, self._rows_per_hole(len(positions)), positions, strokes, state)
+        return state
 
     def take(self, rows: NDArray[np.int64]) -> TaskBatch:
         """Return the tasks of some balls, in the order of the rows, which may repeat; itself if it has one hole."""
-        if not isinstance(self.world, WorldBatch):
-            return self
-        worlds = self.world.worlds
-        return replace(
-            self,
-            courses=tuple(self.courses[i] for i in rows),
-            params=self.params.take(rows),
-            world=WorldBatch([worlds[i] for i in rows]),
-        )
+        return self if len(self.tasks) == 1 else TaskBatch([self.tasks[i] for i in rows])
+
+    def _scale_noise(self, noise: FloatArray | None) -> FloatArray:
+        """Return cosine and sine of a turn and a factor of the speed (N, 3) for standard normal numbers (..., 2)."""
+        if noise is None:
+            return NO_NOISE
+        degrees, speed_deviation = self.tasks[0].putt_noise
+        turn = noise[..., 0].ravel() * math.radians(degrees)
+        speed_factor = np.maximum(0.0, 1.0 + noise[..., 1].ravel() * speed_deviation)
+        return np.stack([np.cos(turn), np.sin(turn), speed_factor], axis=-1)
+
+    def for_each_hole(self, kernel: Callable[..., None], rows: NDArray[Any], *arguments: Any) -> None:
+        """Call a kernel for ranges of rows that share a scene, on all threads.
+
+        Args:
+            kernel: called as kernel(first, last, scene, scratch, params, rows_per_hole, rows, *arguments).
+            rows: an array with a row for each ball.
+            arguments: further arguments of the kernel.
+        """
+        params, rows_per_hole = self.holes.params, self._rows_per_hole(len(rows))
+
+        def process_rows(first: int, last: int, task: Task) -> None:
+            kernel(first, last, task.world.scene, thread_scratch(), params, rows_per_hole, rows, *arguments)
+
+        for_each_range(self.tasks, len(rows), process_rows)
+
+    def _rows_per_hole(self, n: int) -> int:
+        """Return the number of rows of each hole among n rows."""
+        return max(1, n // len(self.tasks))
 
 
 @dataclass(frozen=True, eq=False)
 class Task(TaskBatch):
-    """One course with its rules.
+    """One hole with its rules.
 
     Args:
+        course: the course, with a cup.
+        holes: the parameters of the hole that the rules read.
+        world: the compiled physics of the course.
+        random_tee: start at a uniformly random place in the tee box; otherwise in its middle.
+        putt_noise: standard deviations of a putt's direction (degrees) and speed (fraction of it).
         index: the number of a procedural level, or of a hole of a round; None: it has none.
     """
 
+    course: Course
+    holes: Holes
     world: World
+    random_tee: bool
+    putt_noise: tuple[float, float]
     index: int | None = None
 
-    @property
-    def course(self) -> Course:
-        """The course."""
-        return self.courses[0]
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "tasks", (self,))
 
     @property
     def cup(self) -> Cup:
         """The cup."""
-        assert self.course.cup is not None  # noqa: S101 (HoleParams.from_course refuses a course without a cup)
+        assert self.course.cup is not None  # noqa: S101 (build_task refuses a course without a cup)
         return self.course.cup
 
     @property
     def top_speed(self) -> float:
         """Launch speed of a full putt, m/s."""
-        return float(self.params.top_speed)
+        return float(self.holes.params["top_speed"][0])
 
     def simulate_path(self, position: FloatArray, velocity: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the path (T, 3), m, of a ball from a position and velocity (3,), and its times (T,), s."""
@@ -236,13 +276,4 @@ class Task(TaskBatch):
 def stack_tasks(tasks: Sequence[Task]) -> TaskBatch:
     """Return N tasks of the same rules as one batch, in which ball i plays task i; one task if all are the same."""
     first = tasks[0]
-    if all(task is first for task in tasks):
-        return first
-    return TaskBatch(
-        courses=tuple(task.course for task in tasks),
-        params=HoleParams.stack([task.params for task in tasks]),
-        world=WorldBatch([task.world for task in tasks]),
-        max_strokes=first.max_strokes,
-        random_tee=first.random_tee,
-        putt_noise=first.putt_noise,
-    )
+    return first if all(task is first for task in tasks) else TaskBatch(tasks)

@@ -26,9 +26,10 @@ from minigolf_env.envs.config import (
 )
 from minigolf_env.envs.episode_state import check_episode_positions, decode_state, encode_state, error_context
 from minigolf_env.envs.generators import check_generators, seed_generators
-from minigolf_env.envs.hole_params import FloatArray
+from minigolf_env.envs.holes import FloatArray
 from minigolf_env.envs.infos import LastStrokes, batch_info, final_info
 from minigolf_env.envs.rewards import explain_unserializable
+from minigolf_env.envs.rules import NUM_STATE_FEATURES
 from minigolf_env.envs.stroke import play_stroke
 from minigolf_env.envs.task import Outcome, Task, TaskBatch, action_space, stack_tasks
 from minigolf_env.rendering import RENDER_FPS, EpisodeRenderer, PuttScene
@@ -111,6 +112,7 @@ class MiniGolfVectorEnv(gym.vector.VectorEnv[Observations, Actions, NDArray[Any]
         self._course_names: NDArray[np.object_] = np.full(num_envs, task.course.name, dtype=object)
         self._rngs: NDArray[np.object_] = np.empty(0, dtype=object)
         self._positions = np.empty((num_envs, 3))
+        self._state = np.empty((num_envs, NUM_STATE_FEATURES), np.float32)
         self._strokes = np.zeros(num_envs, np.int64)
         self._over = np.zeros(num_envs, np.bool_)
 
@@ -159,6 +161,7 @@ class MiniGolfVectorEnv(gym.vector.VectorEnv[Observations, Actions, NDArray[Any]
             self._subset(rows), self._reward, before, putts[rows], self._strokes[rows], self._rngs[rows]
         )
         self._positions[rows] = stroke.outcome.position
+        self._state[rows] = stroke.state
         self._strokes[rows] += 1
         self._over[rows] = stroke.ended
         if self.renderers:
@@ -204,10 +207,8 @@ class MiniGolfVectorEnv(gym.vector.VectorEnv[Observations, Actions, NDArray[Any]
         leading_shape = () if np.ndim(actions) == 2 else (self.num_envs,)
         putts = check_actions(actions, (*leading_shape, None, 2))
         putts = np.broadcast_to(putts, (self.num_envs, *putts.shape[-2:]))
-        rows = np.repeat(np.arange(self.num_envs), putts.shape[1])
-        tasks = self.task_batch.take(rows)
-        outcome = tasks.simulate(self._positions[rows], tasks.launch_velocity(putts.reshape(-1, 2)))
-        return outcome.reshape(*putts.shape[:2])
+        positions = np.repeat(self._positions, putts.shape[1], axis=0)
+        return self.task_batch.play(positions, putts.reshape(-1, 2)).outcome.reshape(*putts.shape[:2])
 
     def get_state(self) -> list[dict[str, Any]]:
         """Return the states of the N episodes; each can be set in a single environment, too."""
@@ -238,6 +239,7 @@ class MiniGolfVectorEnv(gym.vector.VectorEnv[Observations, Actions, NDArray[Any]
         self._positions[:] = [episode.position for episode in episodes]
         self._strokes[:] = [episode.strokes for episode in episodes]
         self._over[:] = [episode.over for episode in episodes]
+        self._state[:] = self.task_batch.observe_state(self._positions, self._strokes)
         for rng, episode in zip(self._rngs, episodes, strict=True):
             if episode.np_random is not None:
                 rng.bit_generator.state = episode.np_random
@@ -340,6 +342,7 @@ class MiniGolfVectorEnv(gym.vector.VectorEnv[Observations, Actions, NDArray[Any]
         self._positions[rows] = self._subset(rows).sample_start(rngs)
         self._strokes[rows] = 0
         self._over[rows] = False
+        self._state[rows] = self._subset(rows).observe_state(self._positions[rows], self._strokes[rows])
         self._show_balls(rows, keep_last)
 
     def _assign_tasks(self, rows: Rows, tasks: Sequence[Task]) -> None:
@@ -350,8 +353,8 @@ class MiniGolfVectorEnv(gym.vector.VectorEnv[Observations, Actions, NDArray[Any]
             self.task_batch = stack_tasks(self._tasks.tolist())
 
     def _subset(self, rows: Rows | slice) -> TaskBatch:
-        """Return the tasks of some environments."""
-        if isinstance(rows, slice) or len(rows) == self.num_envs:
+        """Return the tasks of some environments; of none, those of all."""
+        if isinstance(rows, slice) or len(rows) in (0, self.num_envs):
             return self.task_batch
         return self.task_batch.take(rows)
 
@@ -366,7 +369,9 @@ class MiniGolfVectorEnv(gym.vector.VectorEnv[Observations, Actions, NDArray[Any]
             self.renderers[i].place_ball(self._positions[i].copy(), scene, keep_last)
 
     def _observe(self, rows: Rows | slice) -> Observations:
-        return self._observation.observe(self._subset(rows), self._positions[rows], self._strokes[rows])
+        return self._observation.observe(
+            self._subset(rows), self._positions[rows], self._strokes[rows], self._state[rows]
+        )
 
     def _info(self, last: LastStrokes) -> dict[str, Any]:
         index: dict[str, NDArray[np.int64]] = {}

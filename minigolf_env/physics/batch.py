@@ -7,8 +7,9 @@ are the same bits either way. Arguments have been validated by the public API.
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +19,6 @@ from minigolf_env.physics.candidate_cache import invalidate
 from minigolf_env.physics.jit import notify_if_compiling
 from minigolf_env.physics.sweep import clearance_range, possible_overlap_range, sweep_range
 from minigolf_env.physics.thread_pool import parallel_for
-from minigolf_env.physics.traversal import new_traversal
 from minigolf_env.physics.types import (
     IMPACT_DTYPE,
     RELATIVE_TOLERANCE,
@@ -42,6 +42,11 @@ NO_PATH = np.empty((0, 4))
 NO_LOG = np.empty((0, 8))
 """A log without rows: bounces are not recorded."""
 
+T = TypeVar("T")
+
+_thread_memory = threading.local()
+"""Holds the scratch of each thread."""
+
 
 def simulate_rows(
     scenes: Sequence[CompiledScene], positions: FloatArray, velocities: FloatArray, max_steps: int
@@ -50,14 +55,11 @@ def simulate_rows(
     results: RecordArray = np.zeros(len(positions), RESULT_DTYPE)
     runs = kernels.RunBatch(positions, velocities, results)
 
-    def simulate_chunk(first: int, last: int) -> None:
-        scratch = kernels.new_scratch()
-        for begin, end, scene in _ranges_per_scene(scenes, len(positions), first, last):
-            invalidate(scratch.cache.state)
-            kernels.simulate_range(begin, end, scene, scratch, max_steps, runs, NO_PATH, NO_LOG)
+    def simulate_scene_rows(first: int, last: int, scene: CompiledScene) -> None:
+        kernels.simulate_range(first, last, scene, thread_scratch(), max_steps, runs, NO_PATH, NO_LOG)
 
     with notify_if_compiling("simulate"):
-        parallel_for(simulate_chunk, len(positions))
+        for_each_range(scenes, len(positions), simulate_scene_rows)
     return results
 
 
@@ -109,13 +111,12 @@ def sweep_rows(
     normals = np.empty((n, 3))
     triangles = np.empty(n, np.int64)
 
-    def sweep_chunk(first: int, last: int) -> None:
-        traversal = new_traversal()
-        for begin, end, scene in _ranges_per_scene(scenes, n, first, last):
-            sweep_range(begin, end, scene, traversal, starts, paths, alphas, normals, triangles)
+    def sweep_scene_rows(first: int, last: int, scene: CompiledScene) -> None:
+        traversal = thread_scratch().cache.traversal
+        sweep_range(first, last, scene, traversal, starts, paths, alphas, normals, triangles)
 
     with notify_if_compiling("sweep_batch"):
-        parallel_for(sweep_chunk, n)
+        for_each_range(scenes, n, sweep_scene_rows)
     return alphas, normals, triangles
 
 
@@ -141,7 +142,7 @@ def check_no_overlap(scenes: Sequence[CompiledScene], p: FloatArray, scales: flo
     is_deep = clearances < -2.0 * RELATIVE_TOLERANCE * np.maximum(scales, np.abs(centres).max(axis=1, initial=0.0))
     if is_deep.any():
         i = int(is_deep.argmax())
-        scene = next(_ranges_per_scene(scenes, len(centres), i, i + 1))[2]
+        scene = next(_ranges_per_group(scenes, len(centres), i, i + 1))[2]
         which = "position" if p.ndim == 1 else f"position {i}"
         raise ValueError(
             f"{which}: expected a ball in free space, received {centres[i].tolist()}, {-clearances[i]:.3g} m deep in a "
@@ -157,16 +158,11 @@ def _query(
 ) -> None:
     """Run a kernel that writes one result for each ball at positions (N, 3)."""
 
-    def query_chunk(first: int, last: int) -> None:
-        traversal = new_traversal()
-        for begin, end, scene in _ranges_per_scene(scenes, len(positions), first, last):
-            kernel(begin, end, scene, traversal, positions, results)
+    def query_rows(first: int, last: int, scene: CompiledScene) -> None:
+        kernel(first, last, scene, thread_scratch().cache.traversal, positions, results)
 
     with notify_if_compiling("clearance"):
-        if len(positions) <= MAX_SERIAL_QUERIES:
-            query_chunk(0, len(positions))
-        else:
-            parallel_for(query_chunk, len(positions))
+        for_each_range(scenes, len(positions), query_rows, serial=len(positions) <= MAX_SERIAL_QUERIES)
 
 
 def make_shot(positions: FloatArray, velocities: FloatArray, results: NDArray[np.void]) -> Shot:
@@ -175,16 +171,48 @@ def make_shot(positions: FloatArray, velocities: FloatArray, results: NDArray[np
     return Shot(positions, velocities, results["status"].astype(np.int8), *fields)  # type: ignore[arg-type]
 
 
-def _ranges_per_scene(
-    scenes: Sequence[CompiledScene], n: int, first: int, last: int
-) -> Iterator[tuple[int, int, CompiledScene]]:
-    """Yield the ranges of rows in first to last - 1 that share a scene: first row, one past the last row, scene."""
-    rows_per_scene = n // max(1, len(scenes))
+def thread_scratch() -> kernels.Scratch:
+    """Return the working memory of this thread, with an empty candidate cache.
+
+    Allocating it anew would take 6 us, half of the time of a putt in a batch.
+    """
+    scratch: kernels.Scratch | None = getattr(_thread_memory, "scratch", None)
+    if scratch is None:
+        scratch = _thread_memory.scratch = kernels.new_scratch()
+    invalidate(scratch.cache.state)
+    return scratch
+
+
+def for_each_range(
+    groups: Sequence[T], n: int, process_rows: Callable[[int, int, T], None], serial: bool = False
+) -> None:
+    """Call process_rows(first, last, group) for ranges of the n rows that share a group, on all threads.
+
+    Args:
+        groups: M groups, such as scenes, of which each has n / M consecutive rows.
+        n: number of rows, a multiple of M.
+        process_rows: receives the first row, one past the last row, and the group.
+        serial: use the calling thread alone.
+    """
+
+    def process_chunk(first: int, last: int) -> None:
+        for begin, end, group in _ranges_per_group(groups, n, first, last):
+            process_rows(begin, end, group)
+
+    if serial:
+        process_chunk(0, n)
+    else:
+        parallel_for(process_chunk, n)
+
+
+def _ranges_per_group(groups: Sequence[T], n: int, first: int, last: int) -> Iterator[tuple[int, int, T]]:
+    """Yield the ranges of rows in first to last - 1 that share a group: first row, one past the last row, group."""
+    rows_per_group = n // max(1, len(groups))
     begin = first
     while begin < last:
-        scene = scenes[begin // rows_per_scene]
+        group = groups[begin // rows_per_group]
         end = begin
-        while end < last and scenes[end // rows_per_scene] is scene:
-            end = min(last, (end // rows_per_scene + 1) * rows_per_scene)
-        yield begin, end, scene
+        while end < last and groups[end // rows_per_group] is group:
+            end = min(last, (end // rows_per_group + 1) * rows_per_group)
+        yield begin, end, group
         begin = end

@@ -30,6 +30,9 @@ from numba.core.serialize import dumps, loads
 DIGEST_SIZE = 32
 """Number of bytes of a SHA-256 digest: a file starts with the digest of the rest, so that a damaged one is not run."""
 
+PACKAGE_FOLDER = Path(__file__).parents[1]
+"""Folder of the package."""
+
 INSTALL_FOLDERS = {"site-packages", "dist-packages"}
 """Names of the folders that packages are installed to."""
 

@@ -15,6 +15,9 @@ import numpy as np
 CHUNKS_PER_THREAD = 4
 """Number of chunks of a batch for each thread: putts differ in length, and several chunks even out the load."""
 
+MIN_CHUNK_SIZE = 8
+"""Minimum number of rows in a chunk: balls share SIMD instructions, and fewer take less time than starting a thread."""
+
 MAX_CHUNK_SIZE = 4096
 """Maximum number of rows in a chunk: after an interrupt the chunks that are running finish."""
 
@@ -36,10 +39,10 @@ def parallel_for(process_chunk: Callable[[int, int], None], n: int) -> None:
         process_chunk(0, n)
         return
     num_threads = _num_threads()
-    num_chunks = 1 if num_threads == 1 else min(n, CHUNKS_PER_THREAD * num_threads)
+    num_chunks = 1 if num_threads == 1 else min(math.ceil(n / MIN_CHUNK_SIZE), CHUNKS_PER_THREAD * num_threads)
     num_chunks = max(num_chunks, math.ceil(n / MAX_CHUNK_SIZE))
     chunks = list(pairwise(np.linspace(0, n, num_chunks + 1).astype(int).tolist()))
-    if num_threads == 1:
+    if num_threads == 1 or num_chunks == 1:
         for first, last in chunks:
             process_chunk(first, last)
         return

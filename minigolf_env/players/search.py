@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from minigolf_env.envs import MiniGolfEnv, Task
 from minigolf_env.envs.config import check_noise
-from minigolf_env.envs.hole_params import FloatArray
+from minigolf_env.envs.holes import FloatArray
 from minigolf_env.envs.rewards import shaping_potential
 
 IntArray = NDArray[np.int64]
@@ -179,7 +179,7 @@ def _grid_search(task: Task, starts: FloatArray, budget: SearchBudget) -> _Simul
 
 def _simulate(task: Task, starts: FloatArray, start: IntArray, polar: FloatArray) -> _SimulatedPutts:
     """Simulate putts (N, 2), rounded to float32 as actions are, from the rows ``start`` (N,) of positions (S, 3)."""
-    outcome = task.simulate(starts[start], task.launch_velocity(_actions(polar).astype(np.float64)))
+    outcome = task.play(starts[start], _actions(polar).astype(np.float64)).outcome
     distance = np.where(outcome.holed, 0.0, task.distance_to_cup(outcome.position))
     return _SimulatedPutts(start, polar, outcome.position, outcome.holed, distance)
 
@@ -228,8 +228,8 @@ def _plan_under_noise(task: Task, start: FloatArray, putts: _SimulatedPutts, num
 def _expected_strokes(task: Task, start: FloatArray, polar: FloatArray, samples: FloatArray) -> FloatArray:
     """Return the expected strokes (N,) of putts (N, 2), each disturbed by the same noise samples (K, 2)."""
     actions = np.repeat(_actions(polar).astype(np.float64), len(samples), axis=0)
-    velocities = task.launch_velocity(actions, np.tile(samples, (len(polar), 1)))
-    outcome = task.simulate(np.repeat(start, len(actions), axis=0), velocities)
+    noise = np.tile(samples, (len(polar), 1))
+    outcome = task.play(np.repeat(start, len(actions), axis=0), actions, noise=noise).outcome
     strokes_left = _strokes_left(task, outcome.position, outcome.holed)
     return np.asarray(1.0 + strokes_left.reshape(len(polar), -1).mean(axis=1))
 

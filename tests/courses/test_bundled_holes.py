@@ -101,9 +101,9 @@ def test_every_resting_position_is_playable(name: str) -> None:
     first = env.what_if(actions)
     positions = first.position[(first.result == Result.REST)][:30]
     world, task = env.task.world, env.task
-    velocities = task.launch_velocity(putts(24, 1.0, rng)[:, :2])
-    starts = np.repeat(positions, len(velocities), axis=0)
-    second = task.simulate(starts, np.tile(velocities, (len(positions), 1)))
+    escapes = putts(24, 1.0, rng)[:, :2]
+    starts = np.repeat(positions, len(escapes), axis=0)
+    second = task.play(starts, np.tile(escapes, (len(positions), 1))).outcome
     distance = np.linalg.norm(second.position - starts, axis=1).reshape(len(positions), -1)
     has_left = np.isin(second.result, [Result.HOLED, Result.OUT_OF_BOUNDS]).reshape(len(positions), -1)
     assert len(positions) == 30 and ((distance > 10.0 * world.ball_radius) | has_left).any(axis=1).all()

@@ -118,7 +118,7 @@ class Model:
         course, world, cup = self.course_world_cup
         assert self.rng is not None and not self.over
         x, y = (float(number) for number in action)
-        share = course.top_speed / max(float(np.hypot(x, y)), 1.0)
+        share = course.top_speed / max(math.sqrt(x * x + y * y), 1.0)
         x, y = x * share, y * share
         if any(self.rules.putt_noise):
             turn, stretch = self.rng.standard_normal(2) * (

@@ -10,10 +10,9 @@ import shapely
 
 from minigolf_env.envs import Task
 from minigolf_env.envs.config import build_task
-from minigolf_env.envs.observations.state import STATE_FEATURES, observe_state, state_space
+from minigolf_env.envs.observations.state import STATE_FEATURES, state_space
 from minigolf_env.envs.rewards import shaped_reward, shaping_potential, strokes_reward
 from minigolf_env.envs.task import Outcome, Result, action_space, stack_tasks
-from minigolf_env.physics import WorldBatch
 
 
 @pytest.fixture(scope="module")
@@ -110,7 +109,7 @@ def test_state_observation_encodes_ball_cup_and_strokes_left() -> None:
     lower, upper = np.array(task.course.bounds)
     balls = np.random.default_rng(4).uniform(lower, upper, (50, 3))
     strokes = np.arange(50) % 9
-    features = dict(zip(STATE_FEATURES, observe_state(task, balls, strokes).astype(np.float64).T, strict=True))
+    features = dict(zip(STATE_FEATURES, task.observe_state(balls, strokes).astype(np.float64).T, strict=True))
     scaled_balls = np.column_stack([features[f"ball {axis}"] for axis in "xyz"])
     assert lower + (scaled_balls + 1.0) / 2.0 * (upper - lower) == pytest.approx(balls, abs=1e-5)
     diagonal = np.hypot(*(upper - lower)[:2])
@@ -123,7 +122,7 @@ def test_state_observation_encodes_ball_cup_and_strokes_left() -> None:
     straight = np.column_stack([features[f"straight putt {axis}"] for axis in "xy"])
     assert straight == pytest.approx(root[:, None] * to_cup[:, :2] / distance[:, None], abs=1e-6)
     assert features["strokes left"] == pytest.approx(1.0 - strokes / 8.0)
-    beyond = observe_state(task, np.array([upper + 1.0, lower - 1.0, task.cup.position]), np.zeros(3, np.int64))
+    beyond = task.observe_state(np.array([upper + 1.0, lower - 1.0, task.cup.position]), np.zeros(3, np.int64))
     assert (beyond[0, :3] == 1.0).all() and (beyond[1, :3] == -1.0).all() and (beyond[2, 3:9] == 0.0).all()
 
 
@@ -200,8 +199,7 @@ def test_strokes_reward_is_minus_one_a_stroke(task: Task) -> None:
 def test_simulated_path_is_that_of_the_stroke(task: Task) -> None:
     """The path starts where the ball is struck, and ends where and when the stroke does."""
     start = task.sample_start([np.random.default_rng(6)])
-    putt = task.launch_velocity(np.array([[0.4, 0.1]]))
-    outcome = task.simulate(start, putt)
+    putt, outcome, _ = task.play(start, np.array([[0.4, 0.1]]))
     path, times = task.simulate_path(start[0], putt[0])
     assert path[0] == pytest.approx(start[0]) and path[-1] == pytest.approx(outcome.position[0])
     assert times[0] == 0.0 and times[-1] == pytest.approx(outcome.time[0]) and (np.diff(times) >= 0.0).all()
@@ -227,18 +225,21 @@ def test_stacked_tasks_play_each_on_its_own_hole() -> None:
     for rows in ([0, 1], [1, 0, 1]):
         game = stack_tasks(tasks).take(np.array(rows))
         mine = [tasks[i] for i in rows]
-        assert game.courses == tuple(task.course for task in mine) and isinstance(game.world, WorldBatch)
-        assert (game.max_strokes, game.random_tee, game.putt_noise) == (5, False, (1.0, 0.1))
+        assert game.tasks == tuple(mine) and game.max_strokes == 5 and game.is_noisy
         starts = game.sample_start([np.random.default_rng(0)] * len(rows))
         aims = np.tile([0.3, 0.1], (len(rows), 1))
         draws = np.full((len(rows), 2), 0.5)
-        putts = game.launch_velocity(aims, draws)
-        played = game.simulate(starts, putts)
+        strokes = np.arange(len(rows))
+        played = game.play(starts, aims, strokes, draws)
+        assert (game.launch_velocity(aims, draws) == played.velocity).all()
         for i, task in enumerate(mine):
             assert (starts[i] == task.sample_start([np.random.default_rng(0)])[0]).all()
-            assert (putts[i] == task.launch_velocity(aims[i], draws[i])).all()
-            alone = task.simulate(starts[i : i + 1], putts[i : i + 1])
-            assert all(one[i].tobytes() == other[0].tobytes() for one, other in zip(played, alone, strict=True))
+            assert (played.velocity[i] == task.launch_velocity(aims[i], draws[i])).all()
+            one = slice(i, i + 1)
+            alone = task.play(starts[one], aims[one], strokes[one], draws[one])
+            fields = zip((*played.outcome, played.state), (*alone.outcome, alone.state), strict=True)
+            assert all(many[i].tobytes() == single[0].tobytes() for many, single in fields)
+            assert (played.state[one] == task.observe_state(alone.outcome.position, strokes[one] + 1)).all()
             assert game.distance_to_cup(starts)[i] == task.distance_to_cup(starts[i])
             assert shaping_potential(game, starts)[i] == shaping_potential(task, starts[i])
 
@@ -248,10 +249,10 @@ def test_rules_give_same_bits_for_one_ball_and_many(task: Task) -> None:
     rng = np.random.default_rng(2)
     positions, putts = rng.uniform(0.1, 1.0, (5, 3)), rng.uniform(-1, 1, (5, 2))
     strokes = np.arange(5)
-    observed = [observe_state(task, p, s) for p, s in zip(positions, strokes, strict=True)]
+    observed = [task.observe_state(positions[i : i + 1], strokes[i : i + 1])[0] for i in range(5)]
     for many, one in (
         (task.launch_velocity(putts), [task.launch_velocity(p) for p in putts]),
-        (observe_state(task, positions, strokes), observed),
+        (task.observe_state(positions, strokes), observed),
         (task.distance_to_cup(positions), [task.distance_to_cup(p) for p in positions]),
         (task.is_holed(positions, positions), [task.is_holed(p, p) for p in positions]),
     ):
@@ -260,7 +261,8 @@ def test_rules_give_same_bits_for_one_ball_and_many(task: Task) -> None:
 
 def test_ball_out_of_bounds_is_put_back(task: Task) -> None:
     """A ball out of bounds is put back where it was struck."""
-    start = task.sample_start([np.random.default_rng(3)])
-    outcome = task.simulate(start, np.array([[0.0, 0.0, 8.0]]))
-    assert outcome.result[0] == 1
+    lower, upper = np.asarray(task.course.bounds)
+    start = np.array([[upper[0] - 0.01, 0.5 * (lower[1] + upper[1]), upper[2] - 0.01]])
+    outcome = task.play(start, np.array([[1.0, 0.0]])).outcome
+    assert outcome.result[0] == Result.OUT_OF_BOUNDS
     assert (outcome.position == start).all()

@@ -85,9 +85,9 @@ def test_plans_for_noise_of_environment(env: MiniGolfEnv) -> None:
     plan = search(noisy)
     assert plan[1:] == search(env, noise=PUTT_NOISE)[1:] and 1.0 <= plan.strokes < 3.0
     putts = np.tile(plan.action.astype(np.float64), (2000, 1))
-    velocities = noisy.task.launch_velocity(putts, np.random.default_rng(0).standard_normal((2000, 2)))
+    noise = np.random.default_rng(0).standard_normal((2000, 2))
     positions = np.tile(noisy.get_state()["position"], (2000, 1))
-    outcome = noisy.task.simulate(positions, velocities)
+    outcome = noisy.task.play(positions, putts, noise=noise).outcome
     left = np.where(outcome.holed, 0.0, 1.0 + 0.3 * noisy.task.distance_to_cup(outcome.position))
     assert plan.strokes == pytest.approx(1.0 + left.mean(), abs=0.15)
 

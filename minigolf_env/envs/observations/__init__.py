@@ -13,7 +13,7 @@ import numpy as np
 from gymnasium.spaces import Space
 from numpy.typing import NDArray
 
-from minigolf_env.envs.hole_params import FloatArray
+from minigolf_env.envs.holes import FloatArray
 from minigolf_env.envs.observations.bounce_rays import bounce_ray_space, observe_bounce_rays
 from minigolf_env.envs.observations.pixels import observe_pixels, pixel_space
 from minigolf_env.envs.observations.rays import observe_rays, ray_space
@@ -26,8 +26,11 @@ class ObservationType(NamedTuple):
 
     space: Callable[[], Space[Any]]
     """Make the space of one environment's observations."""
-    observe: Callable[[TaskBatch, FloatArray, NDArray[np.int64]], NDArray[Any]]
-    """Return N observations, in a new array, of balls at positions (N, 3), m, after a number of strokes (N,)."""
+    observe: Callable[[TaskBatch, FloatArray, NDArray[np.int64], NDArray[np.float32]], NDArray[Any]]
+    """Return N observations, in a new array: ``observe(task, positions, strokes, state)``.
+
+    The balls are at positions (N, 3), m, after a number of strokes (N,); ``state`` (N, 10) are their features "state",
+    which the rules compute with each stroke."""
 
 
 OBSERVATIONS = {

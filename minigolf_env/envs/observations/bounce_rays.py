@@ -14,19 +14,32 @@ import numpy as np
 from gymnasium.spaces import Box, Space
 from numpy.typing import NDArray
 
-from minigolf_env.envs.hole_params import FloatArray
+from minigolf_env.envs.holes import FloatArray
 from minigolf_env.envs.observations.rays import (
     MIN_DIRECTION_LENGTH,
     NUM_CUP_FEATURES,
     NUM_GROUND_FEATURES,
-    ground_and_cup_features,
-    raised_origins,
+    raised_origin,
+    write_cup_features,
+    write_ground_features,
 )
 from minigolf_env.envs.observations.state import STATE_FEATURES, append_to_state
+from minigolf_env.envs.rules import clip
 from minigolf_env.envs.task import TaskBatch
+from minigolf_env.physics.jit import device_function, kernel
+from minigolf_env.physics.step import Scratch
+from minigolf_env.physics.sweep import sweep
+from minigolf_env.physics.types import CompiledScene, RecordArray, Vec3
+from minigolf_env.physics.vec3 import mul_add, scale, sub, vec3
 
 NUM_BOUNCE_RAYS = 96
 """Number of horizontal directions; the first is along x, counter-clockwise."""
+
+BOUNCE_RAY_ANGLES = 2.0 * math.pi * np.arange(NUM_BOUNCE_RAYS) / NUM_BOUNCE_RAYS
+"""Directions (NUM_BOUNCE_RAYS,) of the rays, radians counter-clockwise from x."""
+
+BOUNCE_RAY_DIRECTIONS = np.stack([np.cos(BOUNCE_RAY_ANGLES), np.sin(BOUNCE_RAY_ANGLES)], axis=-1)
+"""Horizontal unit vectors (NUM_BOUNCE_RAYS, 2) of the rays."""
 
 NUM_SEGMENTS = 4
 """Number of straight segments of a ray, seen from above: it is reflected off three walls."""
@@ -56,88 +69,117 @@ They are x and y of its end and of the wall's normal there, the height of its en
 """
 
 
+NUM_BOUNCE_RAY_FEATURES = NUM_BOUNCE_RAYS * NUM_SEGMENTS * FEATURES_PER_SEGMENT
+"""Number of features of all rays."""
+
+
 def bounce_ray_space() -> Space[NDArray[np.float32]]:
     """Return the space of "bounce_rays" observations (2320,)."""
-    num_ray_features = NUM_BOUNCE_RAYS * NUM_SEGMENTS * FEATURES_PER_SEGMENT
-    size = len(STATE_FEATURES) + NUM_GROUND_FEATURES + NUM_CUP_FEATURES + num_ray_features
+    size = len(STATE_FEATURES) + NUM_GROUND_FEATURES + NUM_CUP_FEATURES + NUM_BOUNCE_RAY_FEATURES
     return cast(Space[NDArray[np.float32]], Box(-1.0, 1.0, (size,), np.float32))
 
 
-def observe_bounce_rays(task: TaskBatch, positions: FloatArray, strokes: NDArray[np.int64]) -> NDArray[np.float32]:
-    """Return observations (N, 2320) of balls at positions (N, 3), m, after a number of strokes (N,)."""
-    segments = trace_bounce_rays(task, positions)
-    segments[..., :2] /= MAX_BOUNCE_RAY_LENGTH
-    ray_features = segments.reshape(len(positions), -1)
-    features = np.concatenate([ground_and_cup_features(task, positions), ray_features], axis=1)
-    return append_to_state(task, positions, strokes, features)
+def observe_bounce_rays(
+    task: TaskBatch, positions: FloatArray, strokes: NDArray[np.int64], state: NDArray[np.float32]
+) -> NDArray[np.float32]:
+    """Return observations (N, 2320) of balls at positions (N, 3), m, with the features ``state`` (N, 10)."""
+    observations, features = append_to_state(state, NUM_GROUND_FEATURES + NUM_CUP_FEATURES + NUM_BOUNCE_RAY_FEATURES)
+    task.for_each_hole(bounce_ray_range, positions, BOUNCE_RAY_DIRECTIONS, features)
+    return observations
 
 
-def trace_bounce_rays(task: TaskBatch, positions: FloatArray) -> FloatArray:
-    """Return the segments (N, NUM_BOUNCE_RAYS, NUM_SEGMENTS, FEATURES_PER_SEGMENT), m, of rays from balls (N, 3).
+@kernel
+def bounce_ray_range(
+    first: int,
+    last: int,
+    scene: CompiledScene,
+    scratch: Scratch,
+    params: RecordArray,
+    rows_per_hole: int,
+    positions: FloatArray,
+    directions: FloatArray,
+    features: NDArray[np.float32],
+) -> None:
+    """Write the features (N, 2310) of balls first to last - 1 at positions (N, 3), m, for directions (R, 2)."""
+    traversal = scratch.cache.traversal
+    features_per_ray = NUM_SEGMENTS * FEATURES_PER_SEGMENT
+    first_ray = NUM_GROUND_FEATURES + NUM_CUP_FEATURES
+    for i in range(first, last):
+        hole = params[i // rows_per_hole]
+        p = vec3(positions[i])
+        write_ground_features(scene, traversal, p, features[i])
+        write_cup_features(hole, p, features[i, NUM_GROUND_FEATURES:])
+        origin = raised_origin(scene, traversal, p)
+        for k in range(len(directions)):
+            row = features[i, first_ray + k * features_per_ray : first_ray + (k + 1) * features_per_ray]
+            trace_bounce_ray(scene, traversal, hole, origin, directions[k, 0], directions[k, 1], row)
 
-    Ends and heights are relative to the ray's origin. A segment that hits no wall has a normal of 0; so have the
-    segments after it, which end where it ends.
+
+@device_function
+def trace_bounce_ray(
+    scene: CompiledScene,
+    traversal: RecordArray,
+    hole: np.void,
+    origin: Vec3,
+    direction_x: float,
+    direction_y: float,
+    features: NDArray[np.float32],
+) -> None:
+    """Write the features of the segments of a ray (NUM_SEGMENTS * FEATURES_PER_SEGMENT,) from the origin.
+
+    A segment that hits no wall has a normal of 0; so have the segments after it, which end where it ends.
     """
-    # All rays of all balls advance together: row i of these arrays is one ray.
-    n = len(positions)
-    sweep = task.world.sweep_batch
-    ball_radius = np.repeat(np.broadcast_to(task.params.ball_radius, n), NUM_BOUNCE_RAYS)
-    cup_radius = np.repeat(np.broadcast_to(task.params.cup_radius, n), NUM_BOUNCE_RAYS)
-    cup = np.repeat(np.broadcast_to(task.params.cup, (n, 3)), NUM_BOUNCE_RAYS, axis=0)
-    angles = 2.0 * math.pi * np.arange(NUM_BOUNCE_RAYS) / NUM_BOUNCE_RAYS
-    direction = np.tile(np.stack([np.cos(angles), np.sin(angles)], axis=-1), (n, 1))
-    position = np.repeat(raised_origins(task, positions), NUM_BOUNCE_RAYS, axis=0)
-    origin = position.copy()
-    top = position[:, 2].copy()
-    slope = np.zeros(len(position))
-    segment = np.zeros(len(position), dtype=np.int64)
-    segments = np.zeros((len(position), NUM_SEGMENTS, FEATURES_PER_SEGMENT))
-
+    position = origin
+    slope = 0.0
+    top = origin.z
+    segment = 0
+    min_cup_distance = hole["cup_radius"] + 0.5 * scene.radius
     for _ in range(MAX_RAY_STEPS):
-        # Sweep the rays that have not ended ahead, up to what they hit.
-        active = segment < NUM_SEGMENTS
-        step = np.where(active[:, None], RAY_STEP_LENGTH * np.column_stack([direction, slope]), 0.0)
-        ahead = sweep(position, position + step)
-        hit = np.asarray(ahead.hit) & active
-        normal = np.asarray(ahead.normal)
-        fraction = np.maximum(np.asarray(ahead.alpha) - hit * (HIT_STANDOFF / RAY_STEP_LENGTH), 0.0)
-        position += fraction[:, None] * step
-        top = np.maximum(top, position[:, 2])
-        hits_wall = hit & (normal[:, 2] < MAX_WALL_NORMAL_Z)
-        hits_slope = hit & ~hits_wall
-        # Bring rays down to the ground, but not into the cup.
-        probes = active & ~hits_slope
-        below = sweep(position, position + probes[:, None] * np.array([0.0, 0.0, -MAX_DROP_PER_STEP]))
-        drops = np.asarray(below.hit) & probes
-        drops &= np.hypot(position[:, 0] - cup[:, 0], position[:, 1] - cup[:, 1]) >= cup_radius + 0.5 * ball_radius
-        drop = np.maximum(MAX_DROP_PER_STEP * np.asarray(below.alpha) - ball_radius, 0.0)
-        position[:, 2] -= np.where(drops, drop, 0.0)
-        # Reflect rays off walls. A ceiling has no horizontal normal.
-        rows = np.flatnonzero(hits_wall)
-        wall_normal = normal[hits_wall, :2]
-        lengths = np.hypot(wall_normal[:, 0], wall_normal[:, 1])
-        wall_normal /= np.maximum(lengths, MIN_DIRECTION_LENGTH)[:, None]
-        segments[rows, segment[rows]] = _segment_features(origin[rows], position[rows], wall_normal, top[rows])
-        direction[rows] -= 2.0 * (direction[rows] * wall_normal).sum(-1)[:, None] * wall_normal
-        segment[rows] += 1
-        # Turn rays that hit a slope upwards along it.
-        rise = -(direction * normal[:, :2]).sum(-1) / np.maximum(normal[:, 2], MAX_WALL_NORMAL_Z)
-        slope = np.where(hits_slope, rise, 0.0)
+        if segment == NUM_SEGMENTS:
+            break
+        # Sweep ahead, up to what the ray hits.
+        step = scale(Vec3(direction_x, direction_y, slope), RAY_STEP_LENGTH)
+        ahead = sweep(scene, traversal, position, step)
+        is_hit = ahead.row >= 0
+        standoff = HIT_STANDOFF / RAY_STEP_LENGTH if is_hit else 0.0
+        position = mul_add(position, max(ahead.alpha - standoff, 0.0), step)
+        top = max(top, position.z)
+        slope = 0.0
+        if is_hit and ahead.normal.z >= MAX_WALL_NORMAL_Z:
+            # Turn upwards along the slope.
+            slope = -(direction_x * ahead.normal.x + direction_y * ahead.normal.y) / ahead.normal.z
+            continue
+        # Come down to the ground, but not into the cup.
+        below = sweep(scene, traversal, position, Vec3(0.0, 0.0, -MAX_DROP_PER_STEP))
+        dx = position.x - hole["cup"][0]
+        dy = position.y - hole["cup"][1]
+        if below.row >= 0 and dx * dx + dy * dy >= min_cup_distance * min_cup_distance:
+            drop = max(MAX_DROP_PER_STEP * below.alpha - scene.radius, 0.0)
+            position = Vec3(position.x, position.y, position.z - drop)
+        if is_hit:
+            # Reflect the ray off the wall. A ceiling has no horizontal normal.
+            length = math.sqrt(ahead.normal.x * ahead.normal.x + ahead.normal.y * ahead.normal.y)
+            normal_x = ahead.normal.x / max(length, MIN_DIRECTION_LENGTH)
+            normal_y = ahead.normal.y / max(length, MIN_DIRECTION_LENGTH)
+            _write_segment(features, segment, sub(position, origin), normal_x, normal_y, top - origin.z)
+            twice_approach = 2.0 * (direction_x * normal_x + direction_y * normal_y)
+            direction_x -= twice_approach * normal_x
+            direction_y -= twice_approach * normal_y
+            segment += 1
     # End the segments that hit no wall.
-    for k in range(NUM_SEGMENTS):
-        rows = np.flatnonzero(segment <= k)
-        segments[rows, k] = _segment_features(origin[rows], position[rows], np.zeros((len(rows), 2)), top[rows])
-    return segments.reshape(n, NUM_BOUNCE_RAYS, NUM_SEGMENTS, FEATURES_PER_SEGMENT)
+    for k in range(segment, NUM_SEGMENTS):
+        _write_segment(features, k, sub(position, origin), 0.0, 0.0, top - origin.z)
 
 
-def _segment_features(origin: FloatArray, end: FloatArray, wall_normal: FloatArray, top: FloatArray) -> FloatArray:
-    """Return the features (K, FEATURES_PER_SEGMENT) of segments, m.
-
-    Args:
-        origin: (K, 3) origins of the rays.
-        end: (K, 3) ends of the segments.
-        wall_normal: (K, 2) horizontal normals of the walls there; 0 if there is none.
-        top: (K,) greatest z of the rays so far.
-    """
-    offset = end - origin
-    return np.column_stack([offset[:, :2], wall_normal, offset[:, 2], top - origin[:, 2]])
+@device_function
+def _write_segment(
+    features: NDArray[np.float32], segment: int, end: Vec3, normal_x: float, normal_y: float, top: float
+) -> None:
+    """Write the features of a segment whose end and greatest height so far, m, are relative to the ray's origin."""
+    column = segment * FEATURES_PER_SEGMENT
+    features[column] = clip(end.x / MAX_BOUNCE_RAY_LENGTH)
+    features[column + 1] = clip(end.y / MAX_BOUNCE_RAY_LENGTH)
+    features[column + 2] = normal_x
+    features[column + 3] = normal_y
+    features[column + 4] = clip(end.z)
+    features[column + 5] = clip(top)

@@ -10,7 +10,7 @@ from gymnasium.spaces import Box
 from numpy.typing import NDArray
 
 from minigolf_env.courses import Course
-from minigolf_env.envs.hole_params import FloatArray
+from minigolf_env.envs.holes import FloatArray
 from minigolf_env.envs.task import TaskBatch
 from minigolf_env.rendering import flag_rest_position, static_view
 
@@ -32,17 +32,19 @@ def pixel_space() -> Space[NDArray[np.uint8]]:
     return cast(Space[NDArray[np.uint8]], Box(0, 255, (IMAGE_SIZE, IMAGE_SIZE, 3), np.uint8))
 
 
-def observe_pixels(task: TaskBatch, positions: FloatArray, strokes: NDArray[np.int64]) -> NDArray[np.uint8]:
+def observe_pixels(
+    task: TaskBatch, positions: FloatArray, strokes: NDArray[np.int64], state: NDArray[np.float32]
+) -> NDArray[np.uint8]:
     """Return images (N, 84, 84, 3) of balls at positions (N, 3), m, after a number of strokes (N,).
 
     Raises:
         RenderingError: OpenGL is not available.
     """
-    if len(task.courses) == 1:
-        drawn = _draw_from_above(task.courses[0], positions)
+    if len(task.tasks) == 1:
+        drawn = _draw_from_above(task.tasks[0].course, positions)
     else:
-        pairs = zip(task.courses, positions, strict=True)
-        drawn = [_draw_from_above(course, ball[None])[0] for course, ball in pairs]
+        pairs = zip(task.tasks, positions, strict=True)
+        drawn = [_draw_from_above(single.course, ball[None])[0] for single, ball in pairs]
     images = np.stack(drawn)
     strokes_left = 1.0 - strokes / task.max_strokes
     is_white = np.arange(IMAGE_SIZE) < IMAGE_SIZE * strokes_left[:, None]

@@ -12,9 +12,15 @@ import numpy as np
 from gymnasium.spaces import Box, Space
 from numpy.typing import NDArray
 
-from minigolf_env.envs.hole_params import FloatArray
+from minigolf_env.envs.holes import FloatArray
 from minigolf_env.envs.observations.state import STATE_FEATURES, append_to_state
-from minigolf_env.envs.task import TaskBatch, components
+from minigolf_env.envs.rules import clip
+from minigolf_env.envs.task import TaskBatch
+from minigolf_env.physics.jit import device_function, kernel
+from minigolf_env.physics.step import Scratch
+from minigolf_env.physics.sweep import sweep
+from minigolf_env.physics.types import CompiledScene, RecordArray, Vec3
+from minigolf_env.physics.vec3 import add, sub, vec3
 
 NUM_RAYS = 32
 """Number of horizontal directions; the first is along x, counter-clockwise."""
@@ -62,37 +68,69 @@ def ray_space() -> Space[NDArray[np.float32]]:
     return cast(Space[NDArray[np.float32]], Box(-1.0, 1.0, (size,), np.float32))
 
 
-def observe_rays(task: TaskBatch, positions: FloatArray, strokes: NDArray[np.int64]) -> NDArray[np.float32]:
-    """Return observations (N, 48) of balls at positions (N, 3), m, after a number of strokes (N,).
+def observe_rays(
+    task: TaskBatch, positions: FloatArray, strokes: NDArray[np.int64], state: NDArray[np.float32]
+) -> NDArray[np.float32]:
+    """Return observations (N, 48) of balls at positions (N, 3), m, with the features ``state`` (N, 10).
 
     A ray is an exact sweep of the ball itself. A ball without room above it, under a low roof, is swept from its own
     position.
     """
-    origins = raised_origins(task, positions)
-    ends = (origins[:, None] + RAY_VECTORS).reshape(-1, 3)
-    rays = task.world.sweep_batch(np.repeat(origins, NUM_RAYS, axis=0), ends)
-    distances = np.asarray(rays.alpha).reshape(-1, NUM_RAYS)
-    features = np.concatenate([distances, ground_and_cup_features(task, positions)], axis=1)
-    return append_to_state(task, positions, strokes, features)
+    observations, features = append_to_state(state, NUM_RAYS + NUM_GROUND_FEATURES + NUM_CUP_FEATURES)
+    task.for_each_hole(ray_range, positions, RAY_VECTORS, features)
+    return observations
 
 
-def raised_origins(task: TaskBatch, positions: FloatArray) -> FloatArray:
-    """Return the origins (N, 3), m, of rays from balls at positions (N, 3): raised where there is room above."""
-    up = ORIGIN_LIFT_RADII * task.params.ball_radius[..., None] * np.array([0.0, 0.0, 1.0])
-    has_room = ~np.asarray(task.world.sweep_batch(positions, positions + up).hit)
-    return np.asarray(positions + has_room[:, None] * up)
+@kernel
+def ray_range(
+    first: int,
+    last: int,
+    scene: CompiledScene,
+    scratch: Scratch,
+    params: RecordArray,
+    rows_per_hole: int,
+    positions: FloatArray,
+    rays: FloatArray,
+    features: NDArray[np.float32],
+) -> None:
+    """Write the features (N, 38) of balls first to last - 1 at positions (N, 3), m, for the ``rays`` (R, 3), m."""
+    traversal = scratch.cache.traversal
+    num_rays = len(rays)
+    for i in range(first, last):
+        p = vec3(positions[i])
+        origin = raised_origin(scene, traversal, p)
+        for k in range(num_rays):
+            features[i, k] = sweep(scene, traversal, origin, vec3(rays[k])).alpha
+        write_ground_features(scene, traversal, p, features[i, num_rays:])
+        write_cup_features(params[i // rows_per_hole], p, features[i, num_rays + NUM_GROUND_FEATURES :])
 
 
-def ground_and_cup_features(task: TaskBatch, positions: FloatArray) -> FloatArray:
-    """Return the features (N, 6) of the ground and the cup for balls at positions (N, 3), m; they are not clipped."""
-    # Depth and slope of the ground.
-    ground = task.world.sweep_batch(positions, positions + np.array([0.0, 0.0, -GROUND_PROBE_DEPTH]))
-    normals = np.asarray(ground.normal)
-    slopes = -normals[:, :2] / np.maximum(normals[:, 2:], MIN_SLOPE_NORMAL_Z)
-    slopes[~np.asarray(ground.hit)] = 0.0
-    # The straight putt is as long as the square root of the distance, and 1 from CUP_DISTANCE_SCALE on.
-    x, y, height = components(task.params.cup - positions)
-    distance = np.hypot(x, y)
-    scale = np.maximum(np.maximum(np.sqrt(CUP_DISTANCE_SCALE * distance), distance), MIN_DIRECTION_LENGTH)
-    cup = np.stack([x / scale, y / scale, height / CUP_HEIGHT_SCALE], axis=-1)
-    return np.concatenate([np.asarray(ground.alpha)[:, None], slopes, cup], axis=1)
+@device_function
+def raised_origin(scene: CompiledScene, traversal: RecordArray, p: Vec3) -> Vec3:
+    """Return the origin of rays from a ball at p, m: raised where there is room above."""
+    up = Vec3(0.0, 0.0, ORIGIN_LIFT_RADII * scene.radius)
+    return p if sweep(scene, traversal, p, up).row >= 0 else add(p, up)
+
+
+@device_function
+def write_ground_features(scene: CompiledScene, traversal: RecordArray, p: Vec3, features: NDArray[np.float32]) -> None:
+    """Write the depth of the ground below a ball at p, and its slopes along x and y (NUM_GROUND_FEATURES,)."""
+    ground = sweep(scene, traversal, p, Vec3(0.0, 0.0, -GROUND_PROBE_DEPTH))
+    steepness = max(ground.normal.z, MIN_SLOPE_NORMAL_Z)  # The normal is zero without a hit.
+    features[0] = ground.alpha
+    features[1] = clip(0.0 - ground.normal.x / steepness)
+    features[2] = clip(0.0 - ground.normal.y / steepness)
+
+
+@device_function
+def write_cup_features(hole: np.void, p: Vec3, features: NDArray[np.float32]) -> None:
+    """Write the straight putt to the cup along x and y, and the cup's height (NUM_CUP_FEATURES,) for a ball at p.
+
+    The straight putt is as long as the square root of the distance, and 1 from CUP_DISTANCE_SCALE on.
+    """
+    to_cup = sub(vec3(hole["cup"]), p)
+    distance = math.sqrt(to_cup.x * to_cup.x + to_cup.y * to_cup.y)
+    scale = max(max(math.sqrt(CUP_DISTANCE_SCALE * distance), distance), MIN_DIRECTION_LENGTH)
+    features[0] = clip(to_cup.x / scale)
+    features[1] = clip(to_cup.y / scale)
+    features[2] = clip(to_cup.z / CUP_HEIGHT_SCALE)
