@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-import io
 import os
 import random
+import struct
 import tracemalloc
 from pathlib import Path
 
 import numpy as np
 import pytest
+import shapely
 import trimesh
 
 from minigolf_env.courses import CourseError, load_course
-from minigolf_env.courses.io.mesh_files import _keep_triangles_only
+from minigolf_env.courses.io.mesh_files import read_mesh
 from minigolf_env.courses.io.toml_course import build_course, parse_description
 from minigolf_env.courses.schema.limits import Limits
+from minigolf_env.physics import TriangleMesh
 
 MESH = 'name = "m"\ntee = {{ at = [0, 0] }}\n[[parts]]\nkind = "mesh"\nfile = "{}"\n'
 
@@ -104,19 +106,165 @@ def test_mesh_file_takes_at_most_about_hundred_times_its_size(name: str, tmp_pat
         load_course(tmp_path / "m.toml", limits=Limits(file_bytes=20))
 
 
-def test_obj_groups_and_stl_solids_are_merged_before_reading() -> None:
-    """Groups would cost a pass each; textures, normals, comments, continued lines and all line ends are accepted."""
+def read(content: str | bytes, ending: str, folder: Path) -> trimesh.Trimesh:
+    """Return the mesh in a file of this content."""
+    (folder / f"m.{ending}").write_bytes(content.encode("latin-1") if isinstance(content, str) else content)
+    return read_mesh(f"m.{ending}", folder, Limits())
+
+
+def is_box(mesh: trimesh.Trimesh, volume: float) -> bool:
+    """Return whether a mesh is closed, wound outwards, and has this volume."""
+    solid = TriangleMesh(mesh.vertices, mesh.faces)
+    return solid.is_closed and abs(solid.volume - volume) < 1e-6
+
+
+def test_groups_colours_comments_and_line_ends_do_not_change_the_mesh(tmp_path: Path) -> None:
+    """Textures, normals, groups, comments, tabs, continued lines, line ends and a byte order mark are read over."""
     box = trimesh.creation.box((2, 2, 0.2))
-    lines = ["mtllib ../m.mtl", *(f"v {x} {y} {z} 1 0 0 # caf\u00e9" for x, y, z in box.vertices), "vt 0 0", "vn 0 0 1"]
+    lines = [
+        "mtllib ../m.mtl",
+        *(f"v {x}\t{y} {z} 1 0 0 # caf\u00e9" for x, y, z in box.vertices),
+        "vt 0 0",
+        "vn 0 0 1",
+    ]
     for k, face in enumerate(box.faces + 1):
-        lines += [f"g {k}", f"usemtl {k}", "f " + " \\\n".join(f"{corner}/1/1" for corner in face)]
+        lines += [f"g {k}", f"usemtl {k}", "l 1 2", "f\t" + " \\\n".join(f"{corner}/1/1" for corner in face)]
     solids = box.export(file_type="stl_ascii").replace("endfacet", "endfacet\nendsolid a\nsolid b")
-    texts = [("\n".join(lines), "obj"), (solids, "stl")]
+    texts = [
+        ("\n".join(lines), "obj"),
+        (solids, "stl"),
+        (solids.upper(), "stl"),
+        ("\u00ef\u00bb\u00bf" + "\n".join(lines), "obj"),
+    ]
     for text, ending in [(text.replace("\n", end), ending) for text, ending in texts for end in ("\n", "\r\n", "\r")]:
-        alone = _keep_triangles_only(text.encode("latin-1"), f".{ending}")
-        assert not {b"g", b"usemtl", b"mtllib"} & set(alone.split()) and alone.count(b"endsolid") == (ending == "stl")
-        mesh = trimesh.load_mesh(io.BytesIO(alone), ending)
-        assert mesh.is_watertight and mesh.volume == pytest.approx(box.volume) and len(mesh.faces) == 12
+        assert is_box(read(text, ending, tmp_path), 0.8)
+
+
+L_SHAPE = [(2, 0), (2, 1), (1, 1), (1, 2), (0, 2), (0, 0)]
+"""Corners of a concave polygon of area 3, the notch at (1..2, 1..2)."""
+
+
+def prism(outline: list[tuple[float, float]]) -> tuple[list[tuple[float, ...]], list[list[int]]]:
+    """Return the vertices and polygons of an upright prism of height 1, as modelling programs write them."""
+    n = len(outline)
+    vertices = [(*corner, z) for z in (0.0, 1.0) for corner in outline]
+    sides = [[k, (k + 1) % n, n + (k + 1) % n, n + k] for k in range(n)]
+    return vertices, [list(range(n, 2 * n)), list(range(n))[::-1], *sides]
+
+
+def as_obj(vertices: list[tuple[float, ...]], polygons: list[list[int]]) -> str:
+    """Return the text of an .obj file."""
+    rows = [f"v {x} {y} {z}" for x, y, z in vertices]
+    return "\n".join([*rows, *("f " + " ".join(str(k + 1) for k in polygon) for polygon in polygons)])
+
+
+def as_ply(vertices: list[tuple[float, ...]], polygons: list[list[int]], order: str, colours: bool = False) -> bytes:
+    """Return the content of a .ply file: order "" for text, "<" or ">" for binary numbers."""
+    kind = {"": "ascii", "<": "binary_little_endian", ">": "binary_big_endian"}[order]
+    rgb = "property uchar red\nproperty uchar green\n" if colours else ""
+    header = (
+        f"ply\nformat {kind} 1.0\ncomment TextureFile colours.png\nelement vertex {len(vertices)}\n"
+        f"property float x\nproperty float y\nproperty float z\n{rgb}element face {len(polygons)}\n{rgb}"
+        "property list uchar int vertex_indices\nelement edge 1\nproperty int vertex1\nend_header\n"
+    )
+    extra = [9, 8] if colours else []
+    if not order:
+        rows = [[*vertex, *extra] for vertex in vertices] + [[*extra, len(p), *p] for p in polygons] + [[0]]
+        return (header + "\n".join(" ".join(map(str, row)) for row in rows)).encode()
+    colour = struct.pack(f"{len(extra)}B", *extra)
+    body = b"".join(struct.pack(f"{order}3f", *vertex) + colour for vertex in vertices)
+    body += b"".join(colour + struct.pack(f"{order}B{len(p)}i", len(p), *p) for p in polygons)
+    return header.encode() + body + struct.pack(f"{order}i", 0)
+
+
+ON_EDGES = [(2, 0), (2, 0.5), (2, 1), (1, 1), (1, 2), (0.5, 2), (0, 2), (0, 2), (0, 0), (1, 0)]
+"""The same polygon with corners on straight edges and a repeated one."""
+
+OUTLINES = {"concave": L_SHAPE, "on edges": ON_EDGES, "turned": [(-y, x) for x, y in L_SHAPE[2:] + L_SHAPE[:2]]}
+
+
+@pytest.mark.parametrize("ending", ["obj", "ply", "<ply", ">ply", "colours ply", "<colours ply"])
+@pytest.mark.parametrize("outline", OUTLINES)
+def test_polygons_of_a_file_are_filled_exactly(outline: str, ending: str, tmp_path: Path) -> None:
+    """A concave polygon, also with corners on its edges, becomes triangles of its own area that fit its neighbours."""
+    solid = prism(OUTLINES[outline])
+    order = ending[0] if ending[0] in "<>" else ""
+    content = as_obj(*solid) if ending == "obj" else as_ply(*solid, order, "colours" in ending)
+    mesh = read(content, ending[-3:], tmp_path)
+    assert is_box(mesh, 3.0)
+    tops = mesh.triangles[(mesh.triangles[:, :, 2] == 1.0).all(axis=1)]
+    assert shapely.area(shapely.polygons(tops[:, :, :2])).sum() == pytest.approx(3.0)
+
+
+def test_slanted_polygon_is_filled_along_its_normal(tmp_path: Path) -> None:
+    """A concave polygon in any plane has its own area."""
+    rotation = trimesh.transformations.rotation_matrix(1.0, (1, 2, 3))[:3, :3]
+    vertices, polygons = prism(L_SHAPE)
+    turned = [tuple(rotation @ vertex) for vertex in np.array(vertices)]
+    assert is_box(read(as_obj(turned, polygons), "obj", tmp_path), 3.0)
+
+
+def test_polygon_whose_edges_cross_is_an_error_with_its_line(tmp_path: Path) -> None:
+    """A polygon that crosses itself has no inside; the message names its line or face."""
+    vertices, polygons = prism([(0, 0), (2, 0), (0, 1), (2, 1), (3, 3)])
+    with pytest.raises(CourseError, match="line 11: expected a polygon whose edges do not cross"):
+        read(as_obj(vertices, polygons), "obj", tmp_path)
+    with pytest.raises(CourseError, match="face 0: expected a polygon"):
+        read(as_ply(vertices, polygons, "<"), "ply", tmp_path)
+
+
+def test_relative_obj_indices_count_back_from_their_line(tmp_path: Path) -> None:
+    """Each object of a file may refer to its own vertices by negative indices, with textures and normals or without."""
+    vertices, polygons = prism([(0, 0), (1, 0), (1, 1), (0, 1)])
+    blocks = []
+    for shift in (0.0, 5.0):
+        blocks += [f"o {shift}", *(f"v {x + shift} {y} {z}" for x, y, z in vertices), "vt 0 0"]
+        blocks += ["f " + " ".join(f"{k - 8}/-1/" for k in polygon) for polygon in polygons]
+    parts = read("\n".join(blocks), "obj", tmp_path).split()
+    assert [tuple(part.bounds[:, 0]) for part in sorted(parts, key=lambda part: part.bounds[0, 0])] == [(0, 1), (5, 6)]
+    assert all(is_box(part, 1.0) for part in parts)
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("f 1 2", "line 4: expected three or more"),
+        ("f 0 1 2", "line 4: expected three or more vertices, counted from 1"),
+        ("f 1 2 9", "line 4: expected one of 3 vertices"),
+        ("f -4 1 2", "line 4: expected one of 3 vertices"),
+        ("f 1 2 x", "line 4: expected x, y, z or the numbers"),
+        ("v 1 2", "line 4: expected x, y, z"),
+    ],
+)
+def test_fault_in_an_obj_file_names_its_line(line: str, message: str, tmp_path: Path) -> None:
+    """The message says which line, what was expected and what was received."""
+    with pytest.raises(CourseError, match=message):
+        read(TRIANGLE + line + "\n", "obj", tmp_path)
+
+
+def test_binary_stl_count_must_agree_with_the_length(tmp_path: Path) -> None:
+    """Bytes after the last triangle are read over; a count of zero or beyond the file is an error that names it."""
+    whole = trimesh.creation.box((2, 2, 0.2)).export(file_type="stl")
+    assert is_box(read(whole + b"\0\0", "stl", tmp_path), 0.8)
+    assert is_box(read(b"solid vertex".ljust(80) + whole[80:], "stl", tmp_path), 0.8)
+    for count in (0, 13, 2**31):
+        with pytest.raises(CourseError, match=f"the {count} triangles that the header counts .* enough for 12"):
+            read(whole[:80] + count.to_bytes(4, "little") + whole[84:], "stl", tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("header", "message"),
+    [
+        ("element vertex 3\nproperty float x\n", "x or y or z of each vertex"),
+        ("element vertex x\n", "a line of a .ply header"),
+        ("element face 1\nproperty int vertex_indices\n", "of each face"),
+        ("element vertex 1\nproperty float128 x\n", "a line of a .ply header"),
+    ],
+)
+def test_fault_in_a_ply_header_is_named(header: str, message: str, tmp_path: Path) -> None:
+    """The message says what is missing."""
+    with pytest.raises(CourseError, match=message):
+        read(f"ply\nformat ascii 1.0\n{header}end_header\n0 0 0\n", "ply", tmp_path)
 
 
 @pytest.mark.parametrize("ending", ["obj", "stl", "ascii.stl", "ply", "ascii.ply"])

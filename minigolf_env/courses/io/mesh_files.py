@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-import re
-from io import BytesIO
 from pathlib import Path, PurePosixPath, PureWindowsPath
 
-import numpy as np
-import trimesh
 from trimesh import Trimesh
 
 from minigolf_env.courses.course import CourseError
 from minigolf_env.courses.geometry.solids import join_meshes
 from minigolf_env.courses.io.gltf_scene import read_scene
+from minigolf_env.courses.io.polygon_files import read_obj, read_ply, read_stl
 from minigolf_env.courses.schema.limits import Limits
 
-MESH_FILE_SUFFIXES = (".obj", ".stl", ".ply", ".glb")
+READERS = {".obj": read_obj, ".stl": read_stl, ".ply": read_ply}
+"""Readers of mesh files by suffix; a .glb file is a scene of objects."""
+
+MESH_FILE_SUFFIXES = (*READERS, ".glb")
 """Suffixes of mesh files that can be read."""
 
 
@@ -57,34 +57,13 @@ def read_mesh(name: str, folder: Path | None, limits: Limits) -> Trimesh:
         if not meshes:
             raise CourseError(f"file: expected triangles, received {name!r} without any.")
         return join_meshes(meshes)
-    if not _is_binary_stl(content):
+    if suffix != ".stl":
         limits.check_bytes(f"file {name!r}", len(content), text=True)
-        content = _keep_triangles_only(content, suffix)
     try:
-        mesh: object = trimesh.load_mesh(BytesIO(content), suffix[1:])
-    except Exception as error:  # Mesh readers raise errors of many kinds on broken files.
-        raise CourseError(f"file: expected a mesh, received {name!r} that cannot be read: {error!r:.200}.") from error
-    if not isinstance(mesh, Trimesh) or not len(mesh.faces) or not np.isfinite(mesh.vertices).all():
-        raise CourseError(f"file: expected triangles with finite corners, received {name!r}: {mesh!r:.100}.")
-    limits.check_triangles(len(mesh.faces))
-    return mesh
-
-
-def _is_binary_stl(content: bytes) -> bool:
-    """Return whether a mesh file is a header of 80 bytes, the number of its triangles, and 50 bytes for each."""
-    return len(content) == 84 + 50 * int.from_bytes(content[80:84], "little")
-
-
-def _keep_triangles_only(content: bytes, suffix: str) -> bytes:
-    """Return the content of a mesh file with nothing in its text but vertices and faces, as one group.
-
-    For each group, material or solid the reader passes over the whole file, and a hostile file has many of them.
-    """
-    if suffix == ".ply":
-        return content
-    text = re.sub("\r\n?", "\n", content.decode("ascii", "ignore"))
-    if suffix == ".stl":
-        return "\n".join(["solid", *re.findall("vertex[ \t].*", text, re.IGNORECASE), "endsolid\n"]).encode()
-    lines = re.findall("^[ \t]*([vf][ \t].*)", text.replace("\\\n", ""), re.MULTILINE)
-    # Remove comments, and the indices of texture coordinates and normals in faces.
-    return re.sub("/[^ \t\n]*|#.*", "", "\n".join(lines)).encode()
+        vertices, faces = READERS[suffix](content, limits)
+    except CourseError as error:
+        raise CourseError(f"file {name!r}: {error}") from error
+    if not len(faces):
+        raise CourseError(f"file: expected triangles, received {name!r} without any; export the mesh, not its outline.")
+    limits.check_triangles(len(faces))
+    return Trimesh(vertices, faces)
