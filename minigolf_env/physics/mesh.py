@@ -68,10 +68,10 @@ class TriangleMesh:
     @property
     def is_closed(self) -> bool:
         """True if the mesh is closed and consistently wound: faces pass each edge equally often in both directions."""
-        return not self._has_unpaired_edge().any()
+        return not self._is_unpaired_edge().any()
 
-    def _has_unpaired_edge(self) -> NDArray[np.bool_]:
-        """Return for each face (F,) whether an edge is not passed equally often in both directions."""
+    def _is_unpaired_edge(self) -> NDArray[np.bool_]:
+        """Return whether each edge (3, F) of the faces is not passed equally often in both directions."""
         # Number the edges by their vertices, where vertices at the same place count as one.
         _, unique = np.unique(self.vertices, axis=0, return_inverse=True)
         faces = unique.reshape(-1)[self.faces]
@@ -81,16 +81,24 @@ class TriangleMesh:
 
         # Sum the directions of each edge: 0 where they are paired.
         direction = np.sign(edges[:, 1] - edges[:, 0])
-        is_unpaired = np.bincount(edge.reshape(-1), weights=direction)[edge.reshape(-1)] != 0.0
-        has_unpaired: NDArray[np.bool_] = is_unpaired.reshape(3, -1).any(axis=0)
-        return has_unpaired
+        is_unpaired: NDArray[np.bool_] = np.bincount(edge.reshape(-1), weights=direction)[edge.reshape(-1)] != 0.0
+        return is_unpaired.reshape(3, -1)
+
+    def unpaired_edge(self) -> FloatArray | None:
+        """Return the ends (2, 3), m, of an edge at which the mesh is open or wound two ways; None if it is closed."""
+        is_unpaired = self._is_unpaired_edge()
+        if not is_unpaired.any():
+            return None
+        side, face = np.argwhere(is_unpaired)[0]
+        corners: FloatArray = self.vertices[self.faces[face][[side, (side + 1) % 3]]]
+        return corners
 
     def _validated_two_sided(self, two_sided: bool | None) -> bool:
         if two_sided not in (None, True, False):
             raise ValueError(f"{self.name}: two_sided: expected None, True or False, received {two_sided!r}.")
         if two_sided:
             return True
-        has_unpaired = self._has_unpaired_edge()
+        has_unpaired = self._is_unpaired_edge().any(axis=0)
         if two_sided is not None and has_unpaired.any():
             face = int(has_unpaired.argmax())
             raise ValueError(

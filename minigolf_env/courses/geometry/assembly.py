@@ -159,11 +159,15 @@ def make_part(
     """
     faces = solid.faces[:, ::-1] if inwards else solid.faces
     mesh = TriangleMesh(solid.vertices, faces, surface, name=name)
-    if mesh.two_sided or not abs(mesh.volume) > 0.0:
+    edge = mesh.unpaired_edge()
+    if edge is not None:
+        start, end = (tuple(corner) for corner in np.round(edge, 6).tolist())
         raise CourseError(
-            f"expected a closed solid, received {solid!r} that is open, wound inconsistently or without volume; "
-            "close its holes, keep outlines simple and parts apart."
+            f"expected a closed solid, received one that is open, or wound two ways, at the edge from {start} to "
+            f"{end}; close the hole there, or turn the faces."
         )
+    if not abs(mesh.volume) > 0.0:
+        raise CourseError("expected a closed solid, received one without volume; give it a thickness.")
     return Part(name, mesh, material, color)
 
 

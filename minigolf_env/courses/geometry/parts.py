@@ -16,6 +16,7 @@ from minigolf_env.courses.course import CUP_LINER_THICKNESS, EMBED_DEPTH, Course
 from minigolf_env.courses.geometry import solids
 from minigolf_env.courses.geometry.cup import cup_outline, cut_cup_into_mesh
 from minigolf_env.courses.geometry.outlines import build_outline, join_shapes
+from minigolf_env.courses.geometry.shells import orient_shells
 from minigolf_env.courses.geometry.solids import ShapelyPolygon, extrude, sweep_along_line
 from minigolf_env.courses.geometry.terrain import build_terrain, make_height_function
 from minigolf_env.courses.schema import parts
@@ -259,8 +260,7 @@ def _(record: parts.MeshPart, context: PartContext) -> Iterator[PartSolid]:
             f"mesh: expected corners within {MAX_COURSE_COORDINATE:g} m, received some beyond; give a `scale`."
         )
     # Wind the faces outwards; where the ball is inside, make_part turns them.
-    if mesh.volume < 0.0:
-        mesh = Trimesh(mesh.vertices, mesh.faces[:, ::-1], process=False)
+    mesh = orient_shells(mesh)
     if record.floor and context.cup is not None:
         mesh = cut_cup_into_mesh(mesh, context.cup, context.obstacles)
     yield PartSolid("", mesh, record.surface)
