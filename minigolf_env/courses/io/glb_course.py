@@ -16,6 +16,8 @@ Extras have the names and meanings of keys of course files: PHYSICS_KEYS or ``su
 
 from __future__ import annotations
 
+import difflib
+import itertools
 from pathlib import Path
 from typing import Any
 
@@ -42,6 +44,25 @@ APPEARANCE_KEYS = ("material", "color")
 
 COURSE_KEYS = ("name", "par", "about", "top_speed", "ball_radius", "gravity", "bounds", "route", "hole_in_one")
 """Extra properties of the scene."""
+
+PART_KEYS = (*PHYSICS_KEYS, *APPEARANCE_KEYS, "surface", "floor", "inwards")
+"""Extra properties of a part."""
+
+CUP_KEYS = ("position", "radius", "depth", "surface", "cut")
+"""Extra properties of the cup."""
+
+TEE_KEYS = ("lower", "upper", "height")
+"""Extra properties of an empty tee."""
+
+ROW_LENGTHS = {"bounds": 3, "route": 2}
+"""Length of the rows of extra properties that 3D programs can only store as one flat array."""
+
+MIN_KEY_SIMILARITY = 0.75
+"""Smallest similarity of an unknown extra property to a known one that makes it a misspelling; 3D programs and add-ons
+store properties of their own."""
+
+MAX_KEY_LENGTH = 40
+"""Length of the longest unknown extra property that may be a misspelling."""
 
 MATERIAL_COLORS = {
     "felt": (0.25, 0.5, 0.2),
@@ -82,17 +103,28 @@ def _describe_objects(name: str, objects: list[SceneObject], extras: dict[str, A
     """Return the description of a scene, in which each mesh is named by the number of its object."""
     # Find the tee and the cup.
     tees = [item for item in objects if item.name.lower().startswith("tee")]
-    cups = [item for item in objects if item.name.lower().startswith("cup") and item.vertices is None]
+    named_cup = [item for item in objects if item.name.lower().startswith("cup")]
+    cups = [item for item in named_cup if item.vertices is None]
+    if named_cup and not cups:
+        raise CourseError(
+            f"object {named_cup[0].name!r:.60}: expected an empty at the middle of the rim, received a mesh; "
+            "put an empty there, name it 'cup', and name the mesh otherwise."
+        )
     if len(tees) != 1 or len(cups) > 1:
         raise CourseError(
             "expected one object named 'tee', and one empty named 'cup' at the middle of the rim, "
             f"received {len(tees)} and {len(cups)}, objects {[item.name for item in objects]!r:.200}; name them so."
         )
+    _check_extras("scene", extras, COURSE_KEYS)
+    _check_extras(f"object {tees[0].name!r:.60}", tees[0].extras, TEE_KEYS)
+    for cup in cups:
+        _check_extras(f"object {cup.name!r:.60}", cup.extras, CUP_KEYS)
     # All other meshes are parts.
     surfaces: dict[str, Any] = {}
     parts = []
     for number, item in enumerate(objects):
         if item.vertices is not None and item is not tees[0]:
+            _check_extras(f"object {item.name!r:.60}", item.extras, PART_KEYS)
             surface, own_surface = _surface_of(item, number)
             surfaces |= own_surface
             part = {
@@ -104,14 +136,35 @@ def _describe_objects(name: str, objects: list[SceneObject], extras: dict[str, A
             }
             parts.append(part | {key: item.extras[key] for key in (*APPEARANCE_KEYS, "inwards") if key in item.extras})
     # Take the keys of the course and the cup from the extra properties.
-    data = {key: extras[key] for key in COURSE_KEYS if key in extras}
+    data = {key: _nest(key, extras[key]) for key in COURSE_KEYS if key in extras}
     data = {"name": _sanitize_name(name)} | data
     data |= {"tee": _describe_tee(tees[0]), "parts": parts, "surfaces": surfaces}
     if cups:
         cup = cups[0]
-        fields = {key: cup.extras[key] for key in ("radius", "depth", "surface", "cut") if key in cup.extras}
+        fields = {key: cup.extras[key] for key in CUP_KEYS[1:] if key in cup.extras}
         data |= {"cup": {"position": cup.extras.get("position", cup.at)} | fields, "par": data.get("par", DEFAULT_PAR)}
     return CourseFile.model_validate(data)
+
+
+def _check_extras(owner: str, extras: dict[str, Any], known: tuple[str, ...]) -> None:
+    """Raise a CourseError for an extra property that is a known one, misspelt."""
+    for key in itertools.islice((key for key in extras if key not in known and len(key) <= MAX_KEY_LENGTH), 100):
+        close = difflib.get_close_matches(key.lower(), known, n=1, cutoff=MIN_KEY_SIMILARITY)
+        if close:
+            raise CourseError(f"{owner}: unknown property {key!r}; did you mean {close[0]!r}?")
+
+
+def _nest(key: str, value: Any) -> Any:
+    """Return the value of an extra property of the scene as course files have it.
+
+    Blender stores a whole number such as 3 as 3.0, and a list of points as a flat array.
+    """
+    if key == "par" and isinstance(value, float) and value.is_integer():
+        return int(value)
+    length = ROW_LENGTHS.get(key)
+    if length and isinstance(value, list) and value and len(value) % length == 0 and not isinstance(value[0], list):
+        return [value[k : k + length] for k in range(0, len(value), length)]
+    return value
 
 
 def _describe_tee(tee: SceneObject) -> dict[str, Any]:
@@ -119,7 +172,7 @@ def _describe_tee(tee: SceneObject) -> dict[str, Any]:
         low = tee.vertices.min(axis=0).tolist()
         high = tee.vertices.max(axis=0).tolist()
         return {"lower": low[:2], "upper": high[:2], "height": low[2]}
-    fields: dict[str, Any] = {key: tee.extras[key] for key in ("lower", "upper", "height") if key in tee.extras}
+    fields: dict[str, Any] = {key: tee.extras[key] for key in TEE_KEYS if key in tee.extras}
     return fields if "lower" in fields else {"at": tee.at[:2], "height": tee.at[2]}
 
 

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from trimesh.transformations import quaternion_matrix
 
 from minigolf_env.courses.course import CourseError
+from minigolf_env.courses.io.gltf_features import animated_nodes, check_mesh_node, check_required_extensions, is_hidden
 from minigolf_env.courses.schema.limits import MAX_COURSE_COORDINATE, Limits
 
 FloatArray: TypeAlias = NDArray[np.float64]
@@ -34,6 +35,14 @@ float32."""
 
 INDEX_DTYPES: dict[int, np.dtype[Any]] = {5121: np.dtype("u1"), 5123: np.dtype("<u2"), 5125: np.dtype("<u4")}
 """Types of indices by their glTF component type."""
+
+QUANTIZED_DTYPES: dict[int, np.dtype[Any]] = {
+    5120: np.dtype("i1"),
+    5121: np.dtype("u1"),
+    5122: np.dtype("<i2"),
+    5123: np.dtype("<u2"),
+}
+"""Types of positions of the extension KHR_mesh_quantization by their glTF component type."""
 
 FLOAT_COMPONENT = 5126
 """Component type of float32 in glTF."""
@@ -49,6 +58,15 @@ INDEX_BUFFER = 34963
 
 TRIANGLES_MODE = 4
 """Mode of a primitive of triangles in glTF."""
+
+STRIP_MODE = 5
+"""Mode of a primitive that is a strip of triangles in glTF."""
+
+FAN_MODE = 6
+"""Mode of a primitive that is a fan of triangles in glTF."""
+
+OTHER_MODES = {0: "points", 1: "lines", 2: "a loop of lines", 3: "a strip of lines"}
+"""Modes of primitives without triangles in glTF."""
 
 MAX_NODE_DEPTH = 64
 """Largest depth of the hierarchy of nodes."""
@@ -82,12 +100,13 @@ def read_scene(content: bytes, limits: Limits) -> tuple[list[SceneObject], JsonO
     """
     try:
         data, binary = _split_chunks(content, limits)
+        check_required_extensions(data)
         nodes = data.get("nodes", [])
         scene = data.get("scenes", [{}])[data.get("scene", 0)]
         reader = _SceneReader(data, binary, limits)
         objects: list[SceneObject] = []
         for root in scene.get("nodes", range(len(nodes))):
-            reader.visit(root, np.eye(4), 0, objects)
+            reader.visit(root, np.eye(4), 0, objects, False)
         return objects, _extras_of(scene)
     except CourseError:
         raise
@@ -107,24 +126,42 @@ class _SceneReader:
         self.binary = binary
         self.limits = limits
         self.visited: set[int] = set()
+        self.animated = animated_nodes(data)
         self.num_triangles = 0
         self.num_corners = 0
 
-    def visit(self, number: int, parent_matrix: FloatArray, depth: int, objects: list[SceneObject]) -> None:
-        """Append the object of a node, and those of its children."""
+    def visit(
+        self, number: int, parent_matrix: FloatArray, depth: int, objects: list[SceneObject], is_animated: bool
+    ) -> None:
+        """Append the object of a node, and those of its children, unless they are hidden.
+
+        ``is_animated``: an animation moves a node above.
+        """
         if number in self.visited or depth > MAX_NODE_DEPTH:
             raise ValueError(f"node {number} is referenced twice or nested more than {MAX_NODE_DEPTH} deep")
         self.visited.add(number)
         node = self.data["nodes"][number]
-        extras = _extras_of(node)
-        matrix = parent_matrix @ _node_matrix(node)
-        vertices = faces = None
-        if "mesh" in node:
-            vertices, faces = self._read_mesh(self.data["meshes"][node["mesh"]], matrix, extras)
+        if is_hidden(node):
+            return
+        name = str(node.get("name", f"node {number}"))
+        is_animated = is_animated or number in self.animated
+        try:
+            extras = _extras_of(node)
+            matrix = parent_matrix @ _node_matrix(node)
+            vertices = faces = None
+            if "mesh" in node:
+                mesh = self.data["meshes"][node["mesh"]]
+                check_mesh_node(node, mesh, is_animated)
+                vertices, faces = self._read_mesh(mesh, matrix, extras)
+        except CourseError:
+            raise
+        except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+            fault = str(error) if isinstance(error, ValueError) else repr(error)
+            raise ValueError(f"object {name!r:.60}: {fault}") from error
         x, y, z = matrix[:3, 3].tolist()
-        objects.append(SceneObject(str(node.get("name", f"node {number}")), (x, -z, y), extras, vertices, faces))
+        objects.append(SceneObject(name, (x, -z, y), extras, vertices, faces))
         for child in node.get("children", ()):
-            self.visit(child, matrix, depth + 1, objects)
+            self.visit(child, matrix, depth + 1, objects, is_animated)
 
     def _read_mesh(self, mesh: JsonObject, matrix: FloatArray, extras: JsonObject) -> tuple[FloatArray, IntArray]:
         """Return the vertices and faces of a mesh, in the coordinates of the scene."""
@@ -133,21 +170,23 @@ class _SceneReader:
         num_points = 0
         for primitive in mesh["primitives"]:
             # Read the corners and their indices.
-            if primitive.get("mode", TRIANGLES_MODE) != TRIANGLES_MODE:
-                raise ValueError("a mesh consists of lines or points, not of triangles")
+            mode = primitive.get("mode", TRIANGLES_MODE)
+            if mode not in (TRIANGLES_MODE, STRIP_MODE, FAN_MODE):
+                raise ValueError(f"its mesh consists of {OTHER_MODES.get(mode, mode)}, not of triangles")
             corners = self._read_array(primitive["attributes"]["POSITION"], 3)
             index = np.arange(len(corners))
             if "indices" in primitive:
                 index = self._read_array(primitive["indices"], 1)
+            triangles = _triangles_of(index.astype(np.int64), mode)
             points.append(corners)
-            faces.append(index.astype(np.int64).reshape(-1, 3) + num_points)
+            faces.append(triangles + num_points)
             if index.size and index.max() >= len(corners):
                 raise ValueError("a mesh has indices beyond its positions")
             # Check the limits at once: a small file can use the same array again and again.
             num_points += len(corners)
             self.num_corners += len(corners)
             self.limits.check_triangles(self.num_corners // 3)
-            self.num_triangles += index.size // 3
+            self.num_triangles += len(triangles)
             self.limits.check_triangles(self.num_triangles)
         # Transform the points; a mirrored object is wound the other way around.
         vertices = _y_up_to_z_up(_transform_points(np.concatenate(points), extras, matrix))
@@ -166,10 +205,11 @@ class _SceneReader:
             raise ValueError(f"accessor {number} is sparse or not of type {expected_type}")
         component = accessor["componentType"]
         is_float = component == FLOAT_COMPONENT
-        dtype: np.dtype[Any] = np.dtype("<f4") if width == 3 and is_float else INDEX_DTYPES[component]
+        integers = QUANTIZED_DTYPES if width == 3 else INDEX_DTYPES
+        dtype = np.dtype("<f4") if width == 3 and is_float else integers[component]
         view = self.data["bufferViews"][accessor["bufferView"]]
-        if view.get("buffer", 0) != 0 or (width == 3) != is_float:
-            raise ValueError(f"accessor {number} refers to another file or has a wrong component type")
+        if view.get("buffer", 0) != 0:
+            raise ValueError(f"accessor {number} refers to another file")
         # Check that the array lies within its view, and the view within the file.
         start = view.get("byteOffset", 0)
         length = view["byteLength"]
@@ -187,9 +227,25 @@ class _SceneReader:
         raw = np.frombuffer(self.binary, np.uint8, (count - 1) * stride + row, start + offset)
         rows = np.lib.stride_tricks.as_strided(raw, (count, row), (stride, 1))
         array: NDArray[Any] = np.ascontiguousarray(rows).view(dtype)
-        if width == 3 and not np.isfinite(array).all():
+        if width == 1:
+            return array.reshape(-1)
+        if not is_float and accessor.get("normalized", False):
+            array = np.maximum(array / np.iinfo(dtype).max, -1.0)
+        if not np.isfinite(array).all():
             raise ValueError(f"accessor {number} has positions that are not finite")
-        return array if width == 3 else array.reshape(-1)
+        return array
+
+
+def _triangles_of(index: IntArray, mode: int) -> IntArray:
+    """Return the triangles (F, 3) of a primitive's indices (glTF 2.0, section 3.7.2.1)."""
+    if mode == TRIANGLES_MODE:
+        return index.reshape(-1, 3)
+    if len(index) < 3:
+        raise ValueError("its mesh has a strip or a fan of fewer than three corners")
+    k = np.arange(len(index) - 2)
+    if mode == FAN_MODE:
+        return np.stack([index[k + 1], index[k + 2], index[0 * k]], axis=1)
+    return np.stack([index[k], index[k + 1 + k % 2], index[k + 2 - k % 2]], axis=1)
 
 
 def _split_chunks(content: bytes, limits: Limits) -> tuple[JsonObject, bytes]:
@@ -225,7 +281,7 @@ def _node_matrix(node: JsonObject) -> FloatArray:
     return matrix
 
 
-def _transform_points(stored: NDArray[np.float32], extras: JsonObject, matrix: FloatArray) -> FloatArray:
+def _transform_points(stored: NDArray[Any], extras: JsonObject, matrix: FloatArray) -> FloatArray:
     """Return positions in the scene: the exact ones in the extras, unless the object was changed since its export."""
     points = stored.astype(np.float64)
     if EXACT_VERTICES_KEY in extras:
