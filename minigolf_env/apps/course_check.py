@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minigolf_env.courses import Course, CourseError, Cup, load_course
-from minigolf_env.envs import MiniGolfEnv
+from minigolf_env.courses.library import ROOM_NAMES
+from minigolf_env.envs import MiniGolfEnv, Result
 from minigolf_env.physics import World
 from minigolf_env.players.search import search
 
@@ -46,6 +47,8 @@ def find_course_errors(course: str | Path | Course) -> Iterator[str]:
     yield from _tee_and_cup_errors(loaded, world)
     if loaded.cup is not None:
         yield from _play_errors(loaded)
+    elif loaded.name not in ROOM_NAMES:
+        yield "cup: expected one, received none: gym.make cannot play the course; add a cup on a floor."
 
 
 def _tee_and_cup_errors(course: Course, world: World) -> Iterator[str]:
@@ -125,7 +128,8 @@ def _trap_errors(env: MiniGolfEnv) -> Iterator[str]:
             continue
         escapes = env.what_if(_random_actions(NUM_ESCAPE_PUTTS, rng))
         moved = np.linalg.norm(escapes.position - place, axis=1)
-        if not escapes.holed.any() and moved.max() < 2.0 * env.task.course.ball_radius:
+        has_left = escapes.holed | (escapes.result == Result.OUT_OF_BOUNDS)
+        if not has_left.any() and moved.max() < 2.0 * env.task.course.ball_radius:
             yield (
                 f"trap: the ball can reach {place.round(3).tolist()}, but none of {NUM_ESCAPE_PUTTS} random putts "
                 "moved it away; close that spot."

@@ -44,6 +44,9 @@ EMBED_DEPTH = 0.05
 class CourseError(ValueError):
     """Fault in a course or in a request for one; the message says what is wrong, what was expected, and what to do."""
 
+    location: tuple[int | str, ...] = ()
+    """Keys in the course file that lead to the fault, such as ("parts", 3) or ("cup",); empty where none does."""
+
 
 @dataclass(frozen=True)
 class Cup:
@@ -254,9 +257,14 @@ def rolling_resistance_from_stimp(stimp: float) -> float:
 
 
 @contextmanager
-def course_errors(subject: str) -> Iterator[None]:
-    """Convert ValueErrors into CourseErrors whose message begins with the subject of the fault."""
+def course_errors(subject: str, *location: int | str) -> Iterator[None]:
+    """Convert ValueErrors into CourseErrors whose message begins with the subject of the fault.
+
+    ``location`` are the keys in the course file that lead to the fault, if no error within knows better ones.
+    """
     try:
         yield
     except ValueError as error:
-        raise CourseError(f"{subject}: {error}") from error
+        named = CourseError(f"{subject}: {error}")
+        named.location = getattr(error, "location", ()) or location
+        raise named from error

@@ -158,11 +158,11 @@ def _load_file(path: Path, cup_radius: float | None, limits: Limits) -> _CachedC
         from minigolf_env.courses.io.glb_course import read_glb
 
         return _CachedCourse(read_glb(path, cup_radius, limits))
-    from minigolf_env.courses.io.toml_course import build_course, read_description
+    from minigolf_env.courses.io.toml_course import build_course_of_file, read_description
 
     description = read_description(path, limits)
     names = (getattr(part, "file", None) for part in description.parts)
     mesh_files = tuple(path.parent / name for name in names if name is not None)
     # Take the times first: a mesh that changes while the course is built is read again by the next request.
     mesh_mtimes = _mtimes(mesh_files)
-    return _CachedCourse(build_course(description, path.parent, cup_radius, limits), mesh_files, mesh_mtimes)
+    return _CachedCourse(build_course_of_file(description, path, cup_radius, limits), mesh_files, mesh_mtimes)

@@ -40,6 +40,19 @@ def test_finds_errors_of_tee_and_cup() -> None:
     assert "expected a floor below" in errors(no_floor.add("lane", outline=LANE_OUTLINE, border=0))
 
 
+def test_course_without_a_cup_is_not_passed_as_a_hole() -> None:
+    """gym.make refuses a course without a cup, and so does the check."""
+    course = CourseBuilder("open", tee=(0.4, 0.5)).add("lane", outline=LANE_OUTLINE).course()
+    assert "cup: expected one, received none" in " ".join(find_course_errors(course))
+
+
+def test_place_from_which_the_ball_can_only_leave_the_course_is_no_trap() -> None:
+    """A putt out of bounds leaves the place, though the ball is put back there."""
+    builder = CourseBuilder("table", tee=(0.2, 0.5), cup=(2.5, 0.5, 0.0), top_speed=5.0)
+    course = builder.add("lane", outline=[{"box": (0, 0, 3, 1)}], border=0).course()
+    assert not [error for error in find_course_errors(course) if "trap" in error]
+
+
 def test_command_exits_with_1_if_there_are_errors(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Without errors the command exits with 0 and reports that there are none."""
     good, bad = tmp_path / "good.toml", tmp_path / "bad.toml"

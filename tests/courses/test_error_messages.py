@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+import tracemalloc
 from pathlib import Path
 
 import pytest
@@ -110,7 +112,7 @@ def test_unreadable_file_is_named(tmp_path: Path) -> None:
     (tmp_path / "noise.toml").write_bytes(b"\xff\xfe\x00")
     for path, limits, message in (
         (tmp_path / "none.toml", None, "expected a readable TOML file, received .*none.toml"),
-        (tmp_path / "noise.toml", None, "expected a readable TOML file, received .*noise.toml"),
+        (tmp_path / "noise.toml", None, "expected a TOML file in UTF-8, received .*noise.toml"),
         (DATA_DIR / "dogleg.toml", Limits(text_bytes=10), "course file 'dogleg.toml': expected at most 10 bytes"),
     ):
         with pytest.raises(CourseError, match=message):
@@ -136,3 +138,44 @@ def test_hex_color_round_trip() -> None:
         made = CourseBuilder("one", tee=(0.0, 0.0)).add("box", at=(0, 0, -0.1), size=(2, 2, 0.2), color=shade)
         assert hex_color(made.course().parts[0]) == shade
     assert hex_color(load_course("dogleg").parts[1]) is None
+
+
+HEAD = 'name = "c"\ntee = { at = [0.4, 0.5] }\n'
+LANE = '[[parts]]\nkind = "lane"\noutline = [{ box = [0, 0, 5, 1] }]\n'
+FAULTY = {
+    "faces": HEAD + '[[parts]]\nkind = "mesh"\nvertices = [[0, 0, 0]]\nfaces = [' + "[]," * 35_000 + "]\n",
+    "route": HEAD + "route = [" + "[]," * 35_000 + "]\n" + LANE,
+    "polygon": HEAD + '[[parts]]\nkind = "lane"\noutline = [{ polygon = [' + "[]," * 35_000 + "] }]\n",
+    "outline": HEAD + '[[parts]]\nkind = "lane"\noutline = [' + "{}," * 35_000 + "]\n",
+    "parts": HEAD + "[[parts]]\n" * 11_000,
+    "keys": HEAD + "".join(f"k{k} = 1\n" for k in range(15_000)) + LANE,
+    "surfaces": HEAD + "".join(f"[surfaces.s{k}]\ndamping = 7\n" for k in range(4000)) + LANE,
+    "headers": HEAD + "".join(f"[a{k}.b.c]\n" for k in range(90_000)) + LANE,
+    "long headers": HEAD + "".join("[" + ".".join(f"a{k}_{n}" for n in range(99)) + "]\n" for k in range(2000)) + LANE,
+    "dotted keys": HEAD + "".join(f"a{k}.b.c = 1\n" for k in range(60_000)) + LANE,
+    "long key": HEAD + "k" * 1_000_000 + " = 1\n" + LANE,
+}
+
+
+@pytest.mark.parametrize("name", FAULTY)
+def test_cost_of_many_faults_is_in_proportion_to_the_file(name: str) -> None:
+    """A file of thousands of faults takes memory and calls in proportion to its size, and a short message."""
+    text = FAULTY[name]
+    num_calls = 0
+
+    def count(*_: object) -> None:
+        nonlocal num_calls
+        num_calls += 1
+
+    tracemalloc.start()
+    sys.setprofile(count)
+    try:
+        with pytest.raises(CourseError) as error:
+            build_course(parse_description(text))
+    finally:
+        sys.setprofile(None)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert len(str(error.value)) < 2000
+    assert peak < 150 * len(text) + 5e6
+    assert num_calls < 20 * len(text) + 1e5

@@ -8,6 +8,7 @@ import json
 import random
 import struct
 import tracemalloc
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -139,7 +140,10 @@ def test_tee_mesh_gives_tee_box(tmp_path: Path) -> None:
     ("change", "message"),
     [
         ({"tee": None}, "expected one object named 'tee'"),
-        ({"cup": SceneObject("cup", (9.0, 0.0, 0.0), {}, None, None)}, "cup position: expected a place on the floor"),
+        (
+            {"cup": SceneObject("cup", (9.0, 0.0, 0.0), {}, None, None)},
+            "cup: position: expected a place on a lane or a floor",
+        ),
         ({"cup": SceneObject("cup", (1.47, 0.0, 0.0), {}, None, None)}, "cup radius: expected less than"),
         ({"floor": solid("floor", (3.0, 1.0, 0.05), (0.0, 0.0, -0.025))}, "cup depth: expected a floor thicker than"),
         ({"east": solid("rail", (0.1, 1.2, 0.3), (1.55, 0.0, 0.0), surface="brik")}, "did you mean 'brick'"),
@@ -245,7 +249,7 @@ def test_reads_arrays_of_any_index_type_and_stride(kind: str | None) -> None:
         (lambda d: d["bufferViews"][0].update(byteOffset=len(binary) - 100), "beyond its view"),
         (lambda d: d["bufferViews"][0].update(byteOffset=10_000), "beyond the file"),
         (lambda d: d["bufferViews"][0].update(buffer=1), "accessor 0 refers to another file"),
-        (lambda d: d["meshes"][0]["primitives"][0].update(mode=1), "lines or points"),
+        (lambda d: d["meshes"][0]["primitives"][0].update(mode=1), "consists of lines, not of triangles"),
         (
             lambda d: d["accessors"][0].update(count=3) if kind else d["nodes"][0].update(extras=7),
             "indices beyond its positions|not a JSON object",
@@ -349,3 +353,146 @@ def test_mutated_glb_loads_or_raises_course_error(tmp_path: Path) -> None:
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert refused > 500 and peak < 100e6
+
+
+def blender_scene(change: Callable[[dict[str, Any]], None] = lambda data: None, parts: int = 1) -> bytes:
+    """Return a .glb file of a floor, a tee, a cup and a wooden block, whose JSON was changed."""
+    objects = [solid("floor", (4.0, 2.0, 0.4), (1.5, 0.0, -0.2))]
+    objects += [SceneObject(name, (x, 0.0, 0.0), {}, None, None) for name, x in (("tee", 0.0), ("cup", 3.0))]
+    objects += [solid(f"wood {k}", (0.2, 0.2, 0.2), (1.0, 0.6, 0.1)) for k in range(parts)]
+    content = write_scene(objects, {})
+    size = struct.unpack_from("<I", content, 12)[0]
+    data = json.loads(content[20 : 20 + size])
+    change(data)
+    return packed(data, content[20 + size :])
+
+
+def load_scene(folder: Path, change: Callable[[dict[str, Any]], None] = lambda data: None) -> Course:
+    """Return the course of a changed scene."""
+    (folder / "scene.glb").write_bytes(blender_scene(change))
+    return load_course(folder / "scene.glb")
+
+
+def test_scene_without_changes_is_a_course(tmp_path: Path) -> None:
+    """The scene that the tests below change is a course of a floor, a cup and a block."""
+    assert [part.name for part in load_scene(tmp_path).parts] == ["floor", "cup", "wood 0"]
+
+
+WOOD = 3
+"""Number of the wooden block's node."""
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda d: d["nodes"][WOOD].update(skin=0), "object 'wood 0': .*armature"),
+        (
+            lambda d: (d["meshes"][1].update(weights=[0.5]), d["meshes"][1]["primitives"][0].update(targets=[{}])),
+            "object 'wood 0': .*shape keys",
+        ),
+        (
+            lambda d: (d["nodes"][WOOD].update(weights=[0.5]), d["meshes"][1]["primitives"][0].update(targets=[{}])),
+            "object 'wood 0': .*shape keys",
+        ),
+        (lambda d: d["nodes"][WOOD].update(extensions={"EXT_mesh_gpu_instancing": {}}), "object 'wood 0': .*instances"),
+        (
+            lambda d: d.update(animations=[{"channels": [{"target": {"node": WOOD, "path": "translation"}}]}]),
+            "object 'wood 0': .*animation",
+        ),
+        (lambda d: d["meshes"][1]["primitives"][0].update(mode=3), "object 'wood 0': .*a strip of lines"),
+        (lambda d: d.update(extensionsRequired=["KHR_draco_mesh_compression"]), "export it without compression"),
+        (lambda d: d.update(extensionsRequired=["ACME_bend"]), "requires the extension 'ACME_bend'"),
+        (lambda d: d["nodes"][2].update(mesh=1), "object 'cup': expected an empty"),
+        (lambda d: d["nodes"][WOOD]["extras"].update(restituton=0.5), "object 'wood 0': .*did you mean 'restitution'"),
+        (lambda d: d["nodes"][WOOD]["extras"].update(Damping=0.5), "object 'wood 0': .*did you mean 'damping'"),
+        (lambda d: d["nodes"][2]["extras"].update(radus=0.06), "object 'cup': .*did you mean 'radius'"),
+        (lambda d: d["nodes"][1]["extras"].update(hight=0.06), "object 'tee': .*did you mean 'height'"),
+        (lambda d: d["scenes"][0]["extras"].update(top_sped=3.0), "scene: .*did you mean 'top_speed'"),
+        (lambda d: d["scenes"][0]["extras"].update(par=2.5), "par: expected a valid integer"),
+    ],
+)
+def test_features_that_are_not_applied_name_their_object(
+    change: Callable[[dict[str, Any]], None], message: str, tmp_path: Path
+) -> None:
+    """What would move a mesh, and a misspelt property, is an error and not ignored."""
+    with pytest.raises(CourseError, match=message):
+        load_scene(tmp_path, change)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda d: d.update(extensionsRequired=["KHR_materials_unlit", "KHR_texture_transform"]),
+        lambda d: d.update(extensionsUsed=["ACME_bend"]),
+        lambda d: d["meshes"][1].update(weights=[0.0]) or d["meshes"][1]["primitives"][0].update(targets=[{}]),
+        lambda d: d["nodes"][WOOD]["extras"].update(cycles={}, my_addon_data=7),
+    ],
+)
+def test_features_that_change_no_geometry_are_read_over(
+    change: Callable[[dict[str, Any]], None], tmp_path: Path
+) -> None:
+    """Materials, shape keys without weight and properties of other programs leave the course as it is."""
+    assert same_mesh(load_scene(tmp_path, change), load_scene(tmp_path))
+
+
+def test_hidden_nodes_are_not_part_of_the_course(tmp_path: Path) -> None:
+    """A node that is not visible, and its children, are left out."""
+
+    def hide(data: dict[str, Any]) -> None:
+        data["nodes"].append({"name": "group", "children": [WOOD]})
+        data["nodes"][-1]["extensions"] = {"KHR_node_visibility": {"visible": False}}
+        data["scenes"][0]["nodes"] = [0, 1, 2, 4]
+        data["extensionsRequired"] = ["KHR_node_visibility"]
+
+    assert [part.name for part in load_scene(tmp_path, hide).parts] == ["floor", "cup"]
+
+
+def test_numbers_as_blender_stores_them_are_read(tmp_path: Path) -> None:
+    """A whole number may be 3.0, and a list of points a flat array."""
+    extras = {"par": 3.0, "bounds": [-1.0, -2.0, -1.0, 6.0, 2.0, 3.0], "route": [1.0, 0.3, 2.0, -0.3]}
+    course = load_scene(tmp_path, lambda data: data["scenes"][0]["extras"].update(extras))
+    assert course.par == 3 and course.bounds == ((-1, -2, -1), (6, 2, 3))
+    assert course.route[1:-1] == ((1.0, 0.3), (2.0, -0.3))
+
+
+@pytest.mark.parametrize(
+    ("mode", "index", "triangles"),
+    [
+        (5, [0, 1, 2, 3, 4], [[0, 1, 2], [1, 3, 2], [2, 3, 4]]),
+        (6, [0, 1, 2, 3, 4], [[1, 2, 0], [2, 3, 0], [3, 4, 0]]),
+    ],
+)
+def test_strips_and_fans_are_triangles_of_one_winding(mode: int, index: list[int], triangles: list[list[int]]) -> None:
+    """Every second triangle of a strip is wound the other way around in the file (glTF 2.0, section 3.7.2.1)."""
+    corners = np.random.default_rng(0).random((5, 3)).astype("<f4")
+    binary = corners.tobytes() + np.array(index, "<u2").tobytes() + b"\0\0"
+    data = {
+        "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1, "mode": mode}]}],
+        "accessors": [
+            {"bufferView": 0, "componentType": 5126, "count": 5, "type": "VEC3"},
+            {"bufferView": 1, "componentType": 5123, "count": len(index), "type": "SCALAR"},
+        ],
+        "bufferViews": [{"byteLength": 60}, {"byteOffset": 60, "byteLength": 2 * len(index)}],
+    }
+    ((item,), _) = read_scene(packed(data, struct.pack("<I4s", len(binary), b"BIN\0") + binary), Limits())
+    assert item.faces is not None and item.faces.tolist() == triangles
+
+
+def test_quantized_positions_are_read() -> None:
+    """Positions may be integers, normalized to [-1, 1] or not (KHR_mesh_quantization)."""
+    corners = np.array([[0, 0, 0], [127, 0, 0], [0, -127, 0], [-128, 0, 64]], "i1")
+    data: dict[str, Any] = {
+        "extensionsRequired": ["KHR_mesh_quantization"],
+        "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "mode": 6}]}],
+        "accessors": [{"bufferView": 0, "componentType": 5120, "count": 4, "type": "VEC3", "normalized": True}],
+        "bufferViews": [{"byteLength": 12}],
+    }
+    rest = struct.pack("<I4s", 12, b"BIN\0") + corners.tobytes()
+    ((item,), _) = read_scene(packed(data, rest), Limits())
+    expected = np.maximum(corners / 127.0, -1.0) @ [[1, 0, 0], [0, 0, 1], [0, -1, 0]]
+    assert item.vertices == pytest.approx(expected)
+    data["accessors"][0].pop("normalized")
+    ((item,), _) = read_scene(packed(data, rest), Limits())
+    assert item.vertices == pytest.approx(corners @ [[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])

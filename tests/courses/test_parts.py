@@ -468,5 +468,5 @@ def test_cup_needs_level_ground_at_centre_and_sides(side: tuple[int, int]) -> No
         return builder.add("lane", outline=LANE_OUTLINE, level=0.3, heights=[bump]).course()
 
     assert course(0.0).cup is not None
-    with pytest.raises(CourseError, match="cup position: expected a place on a lane, at its level"):
+    with pytest.raises(CourseError, match="cup: position: expected a place on a lane or a floor, at its level"):
         course(0.001)

@@ -147,7 +147,7 @@ def test_rejects_profile_whose_distances_decrease(kind: str) -> None:
         ('material = "stone"', 'surface = "ston"', r"surface: expected one of .*did you mean 'stone'"),
         ("[3.45, 2.1, 0.0]", "[3.45, 2.1]", r"cup.position\[2\]: expected this key"),
         ("turn = -30", "circle = [1, 2, 3]", r"exactly one of polygon, box, circle and line"),
-        ("[3.45, 2.1, 0.0]", "[8.45, 2.1, 0.0]", r"cup position: expected a place on a lane"),
+        ("[3.45, 2.1, 0.0]", "[8.45, 2.1, 0.0]", r"cup: position: expected a place on a lane"),
         ("[3, 0], [4, 1]", "[4, 1], [3, 0], [0, 1]", r"part 'lane 1': outline: expected a simple shape"),
         ("lower = [0.2, 0.325]", "lower = [0.001, 0.325]", r"deep in a surface"),
         ('name = "block"', 'name = "../block"', r"parts\[1\].name: string should match pattern"),

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import dataclasses
+import itertools
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 import shapely
@@ -11,8 +13,9 @@ from trimesh import Trimesh
 from minigolf_env._validation import one_of
 from minigolf_env.courses.course import Color, Course, CourseError, Cup, Material, Part, Point3, Tee, course_errors
 from minigolf_env.courses.geometry.cup import build_cup_liner
+from minigolf_env.courses.geometry.ground import snap_to_ground
 from minigolf_env.courses.geometry.outlines import build_outline
-from minigolf_env.courses.geometry.parts import PartContext, PartSolid, build_part_solids, contains_cup
+from minigolf_env.courses.geometry.parts import PartContext, PartSolid, build_part_solids, contains_cup, cup_level
 from minigolf_env.courses.geometry.solids import ShapelyPolygon, circle_polygon
 from minigolf_env.courses.schema.course_file import CourseFile, TeeRecord
 from minigolf_env.courses.schema.limits import Limits
@@ -77,12 +80,17 @@ def _replace_cup_radius(file: CourseFile, cup_radius: float | None) -> CourseFil
 
 def _assemble(file: CourseFile, load_mesh: Callable[[str], Trimesh], limits: Limits) -> Course:
     with course_errors(f"course {file.name!r}"):
-        cup = None if file.cup is None else Cup(file.cup.position, file.cup.radius, file.cup.depth)
-        if cup is not None:
-            cup.check_ball_fits(file.ball_radius)
+        cup = _build_cup(file)
         tee = _build_tee(file.tee)
-        parts = tuple(_build_parts(file, cup, load_mesh, limits))
+        context = PartContext(None, tuple(_find_obstacles(file)), limits, load_mesh, {})
+        if file.cup is not None and cup is not None and not file.cup.cut:
+            cup = _snap_cup(file, cup, context)
+            context = context._replace(cup=cup)
+        parts = tuple(_build_parts(file, cup, context))
+        tee = _snap_tee(tee, parts)
         bounds = file.bounds or _default_bounds(file, parts)
+        if file.bounds is None:
+            _check_within(bounds, tee, cup, file.ball_radius)
     # A Course names itself in its errors.
     return Course(
         name=file.name,
@@ -98,38 +106,83 @@ def _assemble(file: CourseFile, load_mesh: Callable[[str], Trimesh], limits: Lim
     )
 
 
+def _build_cup(file: CourseFile) -> Cup | None:
+    if file.cup is None:
+        return None
+    with course_errors("cup", "cup"):
+        cup = Cup(file.cup.position, file.cup.radius, file.cup.depth)
+        cup.check_ball_fits(file.ball_radius)
+        return cup
+
+
 def _build_tee(tee: TeeRecord) -> Tee:
     lower, upper = (tee.at, tee.at) if tee.at is not None else (tee.lower, tee.upper)
     if lower is None or upper is None:
         raise CourseError("tee: expected either at, or both lower and upper.")
-    return Tee(lower, upper, tee.height)
+    with course_errors("tee", "tee"):
+        return Tee(lower, upper, tee.height)
 
 
-def _build_parts(
-    file: CourseFile, cup: Cup | None, load_mesh: Callable[[str], Trimesh], limits: Limits
-) -> Iterator[Part]:
+def _part_name(file: CourseFile, number: int) -> str:
+    """Return the name of a part, or its kind and number."""
+    record = file.parts[number]
+    return record.name or f"{record.kind} {number + 1}"
+
+
+def _snap_cup(file: CourseFile, cup: Cup, context: PartContext) -> Cup:
+    """Return the cup with its rim exactly on the level of the floor that it is cut into."""
+    levels = []
+    for number, record in enumerate(file.parts):
+        with course_errors(f"part {_part_name(file, number)!r}", "parts", number):
+            levels.append(cup_level(record, cup, context))
+    x, y, rim = cup.position
+    return dataclasses.replace(cup, position=(x, y, max((z for z in levels if z is not None), default=rim)))
+
+
+def _snap_tee(tee: Tee, parts: Sequence[Part]) -> Tee:
+    """Return the tee with its height exactly on the ground, if that is within rounding of it."""
+    places = list(itertools.product(*zip(tee.lower, tee.centre, tee.upper, strict=True)))
+    return dataclasses.replace(tee, height=snap_to_ground((part.mesh.triangles for part in parts), places, tee.height))
+
+
+def _check_within(bounds: tuple[Point3, Point3], tee: Tee, cup: Cup | None, ball_radius: float) -> None:
+    """Raise a CourseError if the tee or the cup is outside the default bounds, which hold all floors."""
+    height = tee.height + ball_radius
+    places = [("tee", (*corner, height)) for corner in (tee.lower, tee.upper)]
+    if cup is not None:
+        places.append(("cup", cup.position))
+    for name, place in places:
+        if not all(low < value < high for low, value, high in zip(bounds[0], place, bounds[1], strict=True)):
+            with course_errors(name, name):
+                raise CourseError(
+                    f"expected a place over a floor, received {place}, outside the box around all floors, "
+                    f"{bounds[0]} to {bounds[1]}; move the {name}, or give `bounds`."
+                )
+
+
+def _build_parts(file: CourseFile, cup: Cup | None, context: PartContext) -> Iterator[Part]:
     surfaces = collect_surfaces(file.surfaces)
-    cup_to_cut = None if file.cup is None or file.cup.cut else cup
-    context = PartContext(cup_to_cut, tuple(_find_obstacles(file)), limits, load_mesh)
-    is_cup_missing = cup_to_cut is not None
+    is_cup_missing = context.cup is not None
     triangles = 0
     for number, record in enumerate(file.parts):
-        name = record.name or f"{record.kind} {number + 1}"
-        with course_errors(f"part {name!r}"):
+        name = _part_name(file, number)
+        with course_errors(f"part {name!r}", "parts", number):
             for solid in build_part_solids(record, context):
                 triangles += len(solid.mesh.faces)
-                limits.check_triangles(triangles)
+                context.limits.check_triangles(triangles)
                 yield _finish_part(name, record, solid, surfaces)
                 # The cup follows the first solid of the part that it is cut into.
-                if file.cup is not None and is_cup_missing and cup is not None and contains_cup(record, cup):
-                    lining = surfaces[one_of(file.cup.surface, tuple(surfaces), "cup: surface")]
+                if file.cup is not None and is_cup_missing and cup is not None and contains_cup(record, cup, context):
+                    with course_errors("cup", "cup", "surface"):
+                        lining = surfaces[one_of(file.cup.surface, tuple(surfaces), "surface")]
                     yield make_part("cup", build_cup_liner(cup), lining.material, lining.surface)
                     is_cup_missing = False
     if is_cup_missing and cup is not None:
-        raise CourseError(
-            f"cup position: expected a place on a lane, at its level, received {cup.position}; "
-            "move the cup over a floor."
-        )
+        with course_errors("cup", "cup"):
+            raise CourseError(
+                f"position: expected a place on a lane or a floor, at its level, received {cup.position}; "
+                "move the cup over a floor."
+            )
 
 
 def _finish_part(name: str, record: AnyPart, solid: PartSolid, surfaces: dict[str, SurfaceAppearance]) -> Part:

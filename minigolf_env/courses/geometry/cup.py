@@ -11,6 +11,7 @@ from shapely import Point
 from trimesh import Trimesh
 
 from minigolf_env.courses.course import CUP_LINER_THICKNESS, CourseError, Cup
+from minigolf_env.courses.geometry.ground import LEVEL_TOLERANCE, MIN_UPWARD_NORMAL
 from minigolf_env.courses.geometry.solids import (
     ROUND_SIDES,
     ShapelyPolygon,
@@ -65,10 +66,13 @@ def cut_cup_into_mesh(mesh: Trimesh, cup: Cup, obstacles: Sequence[ShapelyPolygo
     """
     mesh = Trimesh(mesh.vertices, mesh.faces)  # Merge vertices that some programs store once for each face.
     rim = cup.position[2]
-    # Find the level faces at the rim, and the hole's outline within them.
+    # Find the level faces at the rim, and the hole's outline within them. Rounding must not leave them uneven.
+    is_top = (np.abs(mesh.triangles[:, :, 2] - rim) <= LEVEL_TOLERANCE).all(axis=1)
+    is_top &= mesh.face_normals[:, 2] > MIN_UPWARD_NORMAL
+    vertices = np.array(mesh.vertices)
+    vertices[np.unique(mesh.faces[is_top]), 2] = rim
+    mesh = Trimesh(vertices, mesh.faces, process=False)
     corners = mesh.triangles
-    is_top = (np.abs(corners[:, :, 2] - rim) <= 1e-6).all(axis=1)
-    is_top &= mesh.face_normals[:, 2] > 0.5
     face_polygons = shapely.polygons(corners[:, :, :2])
     clear = shapely.union_all(face_polygons[is_top])
     for obstacle in obstacles:
@@ -77,7 +81,7 @@ def cut_cup_into_mesh(mesh: Trimesh, cup: Cup, obstacles: Sequence[ShapelyPolygo
     # Check that the floor is thicker than the cup is deep.
     is_cut = is_top & shapely.intersects(face_polygons, hole)
     bottom = rim - cup.depth - CUP_LINER_THICKNESS
-    is_above_bottom = corners[:, :, 2].min(axis=1) > bottom - 1e-6
+    is_above_bottom = corners[:, :, 2].min(axis=1) > bottom - LEVEL_TOLERANCE
     below = shapely.intersects(face_polygons, hole) & ~is_cut & is_above_bottom
     if below.any():
         raise CourseError(

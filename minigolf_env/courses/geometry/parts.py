@@ -15,6 +15,7 @@ from trimesh import Trimesh
 from minigolf_env.courses.course import CUP_LINER_THICKNESS, EMBED_DEPTH, CourseError, Cup
 from minigolf_env.courses.geometry import solids
 from minigolf_env.courses.geometry.cup import cup_outline, cut_cup_into_mesh
+from minigolf_env.courses.geometry.ground import LEVEL_TOLERANCE, ground_level
 from minigolf_env.courses.geometry.outlines import build_outline, join_shapes
 from minigolf_env.courses.geometry.shells import orient_shells
 from minigolf_env.courses.geometry.solids import ShapelyPolygon, extrude, sweep_along_line
@@ -24,9 +25,6 @@ from minigolf_env.courses.schema.limits import MAX_COURSE_COORDINATE, Limits
 
 FLOOR_BELOW_CUP = 0.02
 """Thickness of a lane below the inside of its cup, or below the cup's liner if it has heights, m."""
-
-LEVEL_TOLERANCE = 1e-9
-"""Largest difference of two levels that count as the same, m."""
 
 ROOF_OVERHANG = 0.06
 """Distance by which the roof of a tunnel projects beyond its walls, m."""
@@ -43,6 +41,8 @@ class PartContext(NamedTuple):
     """Limits on the size of the course."""
     load_mesh: Callable[[str], Trimesh]
     """Function that returns the mesh that a part names as its ``file``."""
+    placed: dict[int, Trimesh]
+    """Meshes of mesh parts at their places, by the id of the record; filled by ``place_mesh``."""
 
 
 class PartSolid(NamedTuple):
@@ -58,13 +58,14 @@ class PartSolid(NamedTuple):
     """Colour such as "#c03020"; None: that of the part or its surface."""
 
 
-def contains_cup(record: parts.PartRecord, cup: Cup) -> bool:
-    """Return whether the cup is cut into this part."""
+def contains_cup(record: parts.PartRecord, cup: Cup, context: PartContext) -> bool:
+    """Return whether the cup is cut into this part: a lane, or a mesh that is a floor, with ground level at the rim."""
+    x, y, rim = cup.position
     if isinstance(record, parts.MeshPart):
-        return record.floor  # cut_cup_into_mesh checks that the mesh is level around the cup.
+        mesh = place_mesh(record, context)
+        return record.floor and ground_level(mesh.triangles, x, y, rim) is not None
     if not isinstance(record, parts.LanePart):
         return False
-    x, y, rim = cup.position
     if not join_shapes(record.outline).contains(shapely.Point(x, y)):
         return False
     # Require that the ground is level with the rim at the centre and on four sides of the cup.
@@ -72,6 +73,15 @@ def contains_cup(record: parts.PartRecord, cup: Cup) -> bool:
     around = np.array([(x, y)]) + (cup.radius + CUP_LINER_THICKNESS) * offsets
     height_at = make_height_function(record.level, record.heights)
     return bool(np.abs(height_at(around) - rim).max() <= LEVEL_TOLERANCE)
+
+
+def cup_level(record: parts.PartRecord, cup: Cup, context: PartContext) -> float | None:
+    """Return the exact level of a part's ground at the cup; None if the cup is not cut into it, or it has heights."""
+    if not contains_cup(record, cup, context):
+        return None
+    if isinstance(record, parts.MeshPart):
+        return ground_level(place_mesh(record, context).triangles, *cup.position)
+    return record.level if isinstance(record, parts.LanePart) and not record.heights else None
 
 
 @functools.singledispatch
@@ -95,7 +105,7 @@ def _(record: parts.LanePart, context: PartContext) -> Iterator[PartSolid]:
     height_at = make_height_function(record.level, record.heights)
     low = _lowest_level(lane, record)
     bottom = low - record.thickness
-    if context.cup is not None and contains_cup(record, context.cup):
+    if context.cup is not None and contains_cup(record, context.cup, context):
         clear = functools.reduce(lambda area, obstacle: area - obstacle, context.obstacles, lane)
         floor = floor - cup_outline(clear, context.cup)
         low, bottom = _levels_below_cup(record, context.cup, low)
@@ -251,6 +261,16 @@ def _(record: parts.LoopPart, context: PartContext) -> Iterator[PartSolid]:
 
 @build_part_solids.register
 def _(record: parts.MeshPart, context: PartContext) -> Iterator[PartSolid]:
+    mesh = place_mesh(record, context)
+    if context.cup is not None and contains_cup(record, context.cup, context):
+        mesh = cut_cup_into_mesh(mesh, context.cup, context.obstacles)
+    yield PartSolid("", mesh, record.surface)
+
+
+def place_mesh(record: parts.MeshPart, context: PartContext) -> Trimesh:
+    """Return the mesh of a part, scaled, turned, moved, and wound outwards; ``make_part`` turns it for a room."""
+    if id(record) in context.placed:
+        return context.placed[id(record)]
     mesh = build_inline_mesh(record, context.limits) if record.file is None else context.load_mesh(record.file)
     if record.scale != 1.0:
         mesh = Trimesh(mesh.vertices * record.scale, mesh.faces, process=False)
@@ -259,11 +279,8 @@ def _(record: parts.MeshPart, context: PartContext) -> Iterator[PartSolid]:
         raise CourseError(
             f"mesh: expected corners within {MAX_COURSE_COORDINATE:g} m, received some beyond; give a `scale`."
         )
-    # Wind the faces outwards; where the ball is inside, make_part turns them.
-    mesh = orient_shells(mesh)
-    if record.floor and context.cup is not None:
-        mesh = cut_cup_into_mesh(mesh, context.cup, context.obstacles)
-    yield PartSolid("", mesh, record.surface)
+    context.placed[id(record)] = orient_shells(mesh)
+    return context.placed[id(record)]
 
 
 def build_inline_mesh(record: parts.MeshPart, limits: Limits) -> Trimesh:

@@ -53,11 +53,11 @@ def check_mesh_node(node: JsonObject, mesh: JsonObject, is_animated: bool) -> No
         is_animated: an animation moves the node or one above it.
     """
     if "skin" in node:
-        raise ValueError("is bent by an armature (skin); apply the Armature modifier, and remove the armature")
-    weights = node.get("weights", mesh.get("weights", ()))
+        raise ValueError("it is bent by an armature (skin); apply the Armature modifier, and remove the armature")
+    weights = node.get("weights") or mesh.get("weights") or ()
     if any(weights) and any(primitive.get("targets") for primitive in mesh["primitives"]):
-        raise ValueError("has shape keys (morph targets) with a weight; apply the shape keys")
+        raise ValueError("it has shape keys (morph targets) with a weight; apply the shape keys")
     if INSTANCING_EXTENSION in node.get("extensions", {}):
-        raise ValueError(f"is drawn at several places ({INSTANCING_EXTENSION}); realize the instances as objects")
+        raise ValueError(f"it is drawn at several places ({INSTANCING_EXTENSION}); realize the instances as objects")
     if is_animated:
-        raise ValueError("is moved by an animation, and parts of a course stand still; remove the animation")
+        raise ValueError("it is moved by an animation; remove the animation")

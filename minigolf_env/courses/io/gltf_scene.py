@@ -155,9 +155,8 @@ class _SceneReader:
                 vertices, faces = self._read_mesh(mesh, matrix, extras)
         except CourseError:
             raise
-        except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
-            fault = str(error) if isinstance(error, ValueError) else repr(error)
-            raise ValueError(f"object {name!r:.60}: {fault}") from error
+        except ValueError as error:
+            raise CourseError(f"object {name!r:.60}: expected triangles that stand still; {error}.") from error
         x, y, z = matrix[:3, 3].tolist()
         objects.append(SceneObject(name, (x, -z, y), extras, vertices, faces))
         for child in node.get("children", ()):
@@ -206,10 +205,10 @@ class _SceneReader:
         component = accessor["componentType"]
         is_float = component == FLOAT_COMPONENT
         integers = QUANTIZED_DTYPES if width == 3 else INDEX_DTYPES
-        dtype = np.dtype("<f4") if width == 3 and is_float else integers[component]
+        dtype = np.dtype("<f4") if width == 3 and is_float else integers.get(component)
         view = self.data["bufferViews"][accessor["bufferView"]]
-        if view.get("buffer", 0) != 0:
-            raise ValueError(f"accessor {number} refers to another file")
+        if view.get("buffer", 0) != 0 or dtype is None:
+            raise ValueError(f"accessor {number} refers to another file or has a wrong component type")
         # Check that the array lies within its view, and the view within the file.
         start = view.get("byteOffset", 0)
         length = view["byteLength"]

@@ -15,7 +15,7 @@ from minigolf_env.courses.course import Course, CourseError
 from minigolf_env.courses.geometry.assembly import assemble_course
 from minigolf_env.courses.io.course_description import describe_course
 from minigolf_env.courses.io.mesh_files import read_mesh
-from minigolf_env.courses.io.validation_errors import format_validation_error
+from minigolf_env.courses.io.validation_errors import find_line, format_validation_error
 from minigolf_env.courses.schema.course_file import CourseFile
 from minigolf_env.courses.schema.limits import Limits
 
@@ -24,6 +24,12 @@ KEY_DOT = re.compile(r"\.[ \t]*(?=[\w\"'-])")
 
 MAX_KEY_DOTS = 100
 """Largest number of dots in a key; course files need two."""
+
+TABLE_HEADER = re.compile(r"^[ \t]*\[{1,2}[^\[\],=\n]*\]", re.MULTILINE)
+"""Header of a table; a row of an array that has two numbers does not match."""
+
+MAX_KEY_PARTS = 50_000
+"""Largest number of parts of all table headers and dotted keys: tomllib takes about a kilobyte for each."""
 
 MAX_REPORTED_FAULTS = 5
 """Largest number of faults that one error message lists."""
@@ -39,8 +45,12 @@ def read_description(path: Path, limits: Limits | None = None) -> CourseFile:
     limits = limits or Limits()
     try:
         limits.check_bytes(f"course file {path.name!r}", path.stat().st_size, text=True)
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
+        text = path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise CourseError(
+            f"course file: expected a TOML file in UTF-8, received {str(path)!r}: {error}; save it as UTF-8."
+        ) from error
+    except OSError as error:
         raise CourseError(f"course file: expected a readable TOML file, received {str(path)!r}: {error}") from error
     return parse_description(text, path.name)
 
@@ -75,8 +85,8 @@ def validate_description(data: dict[str, Any], name: str, text: str = "") -> Cou
     except ValidationError as error:
         found = error.errors(include_url=False, include_context=True)
         # Pydantic reports a list with a faulty item twice: keep the item, and drop the list.
-        locations = [fault["loc"] for fault in found]
-        faults = [f for f in found if not any(f["loc"] == loc[: len(f["loc"])] != loc for loc in locations)]
+        above = {fault["loc"][:depth] for fault in found for depth in range(len(fault["loc"]))}
+        faults = [fault for fault in found if fault["loc"] not in above]
         lines = [format_validation_error(fault, text) for fault in faults[:MAX_REPORTED_FAULTS]]
         num_hidden = len(faults) - MAX_REPORTED_FAULTS
         more = f"\nand {num_hidden} more" if num_hidden > 0 else ""
@@ -89,7 +99,25 @@ def read_course(path: Path, cup_radius: float | None = None, limits: Limits | No
     Raises:
         CourseError: see ``read_description``, or the described course cannot be built.
     """
-    return build_course(read_description(path, limits), path.parent, cup_radius, limits)
+    return build_course_of_file(read_description(path, limits), path, cup_radius, limits)
+
+
+def build_course_of_file(
+    file: CourseFile, path: Path, cup_radius: float | None = None, limits: Limits | None = None
+) -> Course:
+    """Return the course of the description that was read from a file.
+
+    Raises:
+        CourseError: the described course cannot be built; the message names the file and, if possible, the line.
+    """
+    try:
+        return build_course(file, path.parent, cup_radius, limits)
+    except CourseError as error:
+        if not error.location:
+            raise
+        line = find_line(error.location, path.read_text(encoding="utf-8-sig"))
+        where = "" if line is None else f"line {line}: "
+        raise CourseError(f"{path.name}: {where}{error}") from error
 
 
 def build_course(
@@ -117,7 +145,15 @@ def to_toml(course: Course | CourseFile) -> str:
 
 
 def _check_key_lengths(text: str) -> None:
-    """Raise a ValueError for a key of very many parts: tomllib takes time and memory quadratic in their number."""
-    dots = max(len(KEY_DOT.findall(piece)) for piece in re.split(r"[=,\[\]{}\n#]", text))
-    if dots > MAX_KEY_DOTS:
-        raise ValueError(f"a key of more than {MAX_KEY_DOTS} parts")
+    """Raise a ValueError for keys of very many parts, for each of which tomllib makes a table.
+
+    For one key its time and memory are quadratic in the number of parts.
+    """
+    num_parts = sum(1 for _ in TABLE_HEADER.finditer(text))
+    for piece in re.split(r"[=,\[\]{}\n#]", text):
+        dots = len(KEY_DOT.findall(piece))
+        if dots > MAX_KEY_DOTS:
+            raise ValueError(f"a key of more than {MAX_KEY_DOTS} parts")
+        num_parts += dots if dots > 1 or piece.lstrip()[:1].isalpha() else 0  # A number has one dot.
+    if num_parts > MAX_KEY_PARTS:
+        raise ValueError(f"table headers and dotted keys of more than {MAX_KEY_PARTS} parts")

@@ -11,6 +11,9 @@ from minigolf_env._validation import one_of
 BARE_KEY = re.compile(r"[\w-]+")
 """Keys that messages show unquoted; other keys may hold any characters, also control codes of a terminal."""
 
+MAX_SHOWN_KEY_LENGTH = 60
+"""Length of the longest key that a message shows whole."""
+
 UNION_TAGS = {"point", "arc", "radial", "along", "waves"}
 """Tags that pydantic adds to the location of a fault, and that are not keys of the file."""
 
@@ -36,10 +39,16 @@ def format_validation_error(fault: Any, text: str) -> str:
     return f"{f'line {line}: ' if line else ''}{f'{path}: ' if path else ''}{message}"
 
 
+def find_line(location: tuple[int | str, ...], text: str) -> int | None:
+    """Return the number of the line in a TOML text at which a location's key, or part, is; None if it is not found."""
+    is_part = location[:1] == ("parts",) and len(location) == 2
+    return _locate((*location, "kind") if is_part else location, text, is_missing=is_part)[1]
+
+
 def _locate(location: tuple[int | str, ...], text: str, is_missing: bool) -> tuple[str, int | None]:
     """Return a fault's location as a path of keys, and the line that sets the last of these keys that is found."""
     path, keys = _format_path(location)
-    keys = keys[:-1] if is_missing else keys
+    keys = keys[:-1] if is_missing and isinstance(location[-1], str) else keys
     lines = [line.lstrip() for line in text.splitlines()]
     found = None
     # Start the search for a part's keys at the header of the part.
@@ -69,7 +78,8 @@ def _format_path(location: tuple[int | str, ...]) -> tuple[str, list[str]]:
         elif step in UNION_TAGS or (number == 2 and location[0] == "parts"):  # The kind of a part follows its index.
             continue
         else:
-            name = step if BARE_KEY.fullmatch(step) else repr(step)
+            is_plain = len(step) <= MAX_SHOWN_KEY_LENGTH and BARE_KEY.fullmatch(step)
+            name = step if is_plain else f"{step!r:.{MAX_SHOWN_KEY_LENGTH}}"
             path += f".{name}" if path else name
             keys.append(step)
     return path, keys

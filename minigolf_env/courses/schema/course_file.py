@@ -69,7 +69,7 @@ class CourseFile(Record):
     bounds: tuple[PointXYZ, PointXYZ] | None = None
     """Lower and upper corner (x, y, z) of the box outside which the ball is out of bounds, m. Default: the lanes and
     their borders, from 0.3 m below the lowest ``level`` to 2 m above the highest, whatever their heights."""
-    route: Annotated[tuple[PointXY, ...], Field(max_length=200)] = ()
+    route: Annotated[tuple[PointXY, ...], Field(max_length=200, fail_fast=True)] = ()
     """Corners (x, y) of the route from the tee to the cup, m."""
     tee: TeeRecord
     """Start of the ball."""

@@ -10,7 +10,7 @@ from pydantic_core import PydanticCustomError
 
 from minigolf_env.courses.schema.record import Degrees, Length, Number, PointXY, Record
 
-ProfilePoints: TypeAlias = Annotated[tuple[PointXY, ...], Field(min_length=2, max_length=500)]
+ProfilePoints: TypeAlias = Annotated[tuple[PointXY, ...], Field(min_length=2, max_length=500, fail_fast=True)]
 
 
 def _check_order(profile: tuple[PointXY, ...]) -> tuple[PointXY, ...]:
@@ -68,7 +68,7 @@ class WaveHeight(Record):
     """Amplitude of the wave, m."""
     length: Length
     """Wavelength, m."""
-    level: Annotated[tuple[tuple[Number, Number, Number, Number], ...], Field(max_length=50)] = ()
+    level: Annotated[tuple[tuple[Number, Number, Number, Number], ...], Field(max_length=50, fail_fast=True)] = ()
     """Circles without waves: centre x, centre y, radius inside which the ground is level, larger radius from which the
     waves have their full amplitude, m."""
 

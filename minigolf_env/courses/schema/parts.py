@@ -53,7 +53,7 @@ class LanePart(PartRecord):
     """Areas without floor; the border does not follow their edges."""
     level: Number = 0.0
     """Level z of the floor, m."""
-    heights: Annotated[tuple[AnyHeight, ...], Field(max_length=50)] = ()
+    heights: Annotated[tuple[AnyHeight, ...], Field(max_length=50, fail_fast=True)] = ()
     """Heights that are added to the level."""
     cell: tuple[Length, Length] = (0.05, 0.05)
     """Size of the cells of the grid that a floor with heights is made of, along x and y, m."""
@@ -275,9 +275,9 @@ class MeshPart(PartRecord):
     """Selects this kind of part."""
     file: Annotated[str, Field(min_length=1, max_length=200)] | None = None
     """Path of a .obj, .stl, .ply or .glb file, relative to the course file's folder."""
-    vertices: tuple[tuple[float, float, float], ...] | None = None
+    vertices: Annotated[tuple[tuple[float, float, float], ...], Field(fail_fast=True)] | None = None
     """Vertices (x, y, z), m; instead of ``file``."""
-    faces: tuple[tuple[int, int, int], ...] | None = None
+    faces: Annotated[tuple[tuple[int, int, int], ...], Field(fail_fast=True)] | None = None
     """Triangles as indices of vertices, from 0; with ``vertices``."""
     scale: Length = 1.0
     """Factor that all coordinates are multiplied by."""

@@ -31,13 +31,13 @@ PolygonCorner: TypeAlias = Annotated[
 class OutlineShape(Record):
     """Area in the xy-plane: exactly one of ``polygon``, ``box``, ``circle`` and ``line``."""
 
-    polygon: Annotated[tuple[PolygonCorner, ...], Field(min_length=3, max_length=2000)] | None = None
+    polygon: Annotated[tuple[PolygonCorner, ...], Field(min_length=3, max_length=2000, fail_fast=True)] | None = None
     """Corners (x, y) in order, m. A corner ``{via = [x, y], to = [x, y]}`` is reached along an arc."""
     box: tuple[Number, Number, Number, Number] | None = None
     """Axis-aligned rectangle: smallest x, smallest y, largest x, largest y, m."""
     circle: tuple[Number, Number, Length] | None = None
     """Centre x, centre y and radius, m."""
-    line: Annotated[tuple[PointXY, ...], Field(min_length=2, max_length=2000)] | None = None
+    line: Annotated[tuple[PointXY, ...], Field(min_length=2, max_length=2000, fail_fast=True)] | None = None
     """Points (x, y) of the centre line of a strip, m. The line must not cross itself."""
     width: Length = 1.0
     """Width of the strip along ``line``, m."""
@@ -60,5 +60,5 @@ class OutlineShape(Record):
         return self
 
 
-OptionalShapes: TypeAlias = Annotated[tuple[OutlineShape, ...], Field(max_length=200)]
-OutlineShapes: TypeAlias = Annotated[tuple[OutlineShape, ...], Field(min_length=1, max_length=200)]
+OptionalShapes: TypeAlias = Annotated[tuple[OutlineShape, ...], Field(max_length=200, fail_fast=True)]
+OutlineShapes: TypeAlias = Annotated[tuple[OutlineShape, ...], Field(min_length=1, max_length=200, fail_fast=True)]
