@@ -35,13 +35,28 @@ class SB3VecEnv(VecEnv):
         super().__init__(envs.num_envs, envs.single_observation_space, envs.single_action_space)
 
     def reset(self) -> VecEnvObs:
-        """Start new episodes with the seeds that ``seed`` stored; return the observations (N, ...)."""
+        """Start new episodes with what ``seed`` and ``set_options`` stored; return the observations (N, ...).
+
+        Raises:
+            ValueError: the options are not those of the vector environment's reset, or some environments have other
+                keys than the rest.
+        """
         seeds: Any = None if self._seeds == [None] * self.num_envs else list(self._seeds)
-        observations, infos = self.envs.reset(seed=seeds)
+        observations, infos = self.envs.reset(seed=seeds, options=self._batch_options())
         self.reset_infos = _split_infos(infos, np.arange(self.num_envs))
         self._reset_seeds()
         self._reset_options()
         return np.asarray(observations)
+
+    def _batch_options(self) -> dict[str, list[Any]]:
+        """Return the options of all environments as one dict, with a list of N values for each key."""
+        keys = self._options[0].keys()
+        if len(self._options) != self.num_envs or any(options.keys() != keys for options in self._options):
+            raise ValueError(
+                f"options: expected the same keys for each of {self.num_envs} environments, "
+                f"received {self._options!r:.80}."
+            )
+        return {key: [options[key] for options in self._options] for key in keys}
 
     def step_async(self, actions: np.ndarray) -> None:
         """Take the actions (N, ...) for ``step_wait``."""

@@ -5,7 +5,9 @@ The arguments of reset, step and set_state are validated by the functions at the
 
 from __future__ import annotations
 
+import difflib
 import functools
+import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -15,7 +17,7 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import ArrayLike, NDArray
 
-from minigolf_env._validation import finite_array, integer, one_of, positive_number, unknown_choice_message
+from minigolf_env._validation import finite_array, integer, one_of, positive_number
 from minigolf_env.courses import ROUND_COURSE, ROUND_HOLES, Course, list_courses, load_course
 from minigolf_env.courses.library import ROOM_NAMES
 from minigolf_env.courses.procedural import (
@@ -34,8 +36,21 @@ from minigolf_env.physics import World
 from minigolf_env.physics.world import IMPACT_MODELS
 from minigolf_env.rendering import CAMERA_NAMES, RENDER_PROFILES, RenderSettings, check_size
 
-VECTOR_ARGUMENTS = ("num_envs", "autoreset_mode")
-"""Names of the arguments that only a vector environment has."""
+VECTOR_HINT = "gymnasium.make_vec makes a vector environment of several."
+"""Advice about arguments that only a vector environment has."""
+
+ARGUMENT_HINTS = {
+    "num_envs": VECTOR_HINT,
+    "n_envs": VECTOR_HINT,
+    "autoreset_mode": VECTOR_HINT,
+    "max_episode_steps": "max_strokes ends an episode.",
+    "seed": "reset(seed=...) seeds the environment.",
+    "size": "render_size=(width, height) is the size of the images.",
+    "width": "render_size=(width, height) is the size of the images.",
+    "height": "render_size=(width, height) is the size of the images.",
+    "obs_type": "observation is the kind of observation.",
+}
+"""Advice about arguments that environments of other packages have."""
 
 TEE_CHOICES = ("random", "fixed")
 """Values of the argument "tee": where an episode starts."""
@@ -48,6 +63,17 @@ POSITION_HINT = "give the ball's centre, m."
 
 ACTION_HINT = "a putt is a vector x, y; its length, up to 1, is the fraction of the top speed."
 """End of error messages about actions."""
+
+
+UNSEEN_LEVEL_MESSAGE = (
+    "course='procedural' with observation='state' hides the level from an agent: it sees the ball and the cup, but no "
+    "wall. observation='rays' and 'bounce_rays' show the walls, 'pixels' the course from above."
+)
+"""Text of the warning about levels that an agent cannot see."""
+
+
+class UnseenLevelWarning(UserWarning):
+    """Warning that an agent cannot see which level it plays; search and random players need not."""
 
 
 class EnvOptions(TypedDict, total=False):
@@ -106,10 +132,7 @@ def build_env_config(
         ValueError: an argument has a wrong value.
     """
     for name in task_options.keys() - EnvOptions.__annotations__.keys():
-        if name in VECTOR_ARGUMENTS:
-            raise TypeError(f"argument: {name!r} is for vector environments only; make one with gymnasium.make_vec.")
-        names = ("course", "render_mode", *EnvOptions.__annotations__, *VECTOR_ARGUMENTS)
-        raise TypeError(unknown_choice_message(name, names, "argument"))
+        raise TypeError(_unknown_argument_message(name))
     if render_mode is not None:
         one_of(render_mode, render_modes, "render_mode")
     settings = RenderSettings(
@@ -120,7 +143,19 @@ def build_env_config(
         speed=positive_number(render_speed, "render_speed", "1 is real time."),
     )
     observation_type = OBSERVATIONS[one_of(observation, tuple(OBSERVATIONS), "observation")]
-    return EnvConfig(build_task_sampler(course, **task_options), observation_type, build_reward(reward), settings)
+    sampler = build_task_sampler(course, **task_options)
+    if course == PROCEDURAL_COURSE and observation == "state":
+        warnings.warn(UNSEEN_LEVEL_MESSAGE, UnseenLevelWarning, stacklevel=3)
+    return EnvConfig(sampler, observation_type, build_reward(reward), settings)
+
+
+def _unknown_argument_message(name: str) -> str:
+    """Return the message about an unknown argument; it begins as Python's, by which TorchRL and others recognise it."""
+    names = ("course", "render_mode", *EnvOptions.__annotations__)
+    closest = difflib.get_close_matches(name, names, n=1)
+    guess = f"; did you mean {closest[0]!r}?" if closest else "."
+    hint = f"; {ARGUMENT_HINTS[name]}" if name in ARGUMENT_HINTS else guess
+    return f"got an unexpected keyword argument {name!r:.60}: expected one of {', '.join(map(repr, names))}{hint}"
 
 
 def build_task_sampler(

@@ -15,8 +15,8 @@ from minigolf_env.envs.config import one_per_env
 
 def seed_generators(
     rngs: NDArray[np.object_], seed: int | Sequence[int | None] | None, rows: NDArray[np.int64], num_envs: int
-) -> tuple[NDArray[np.object_], list[int]]:
-    """Return the generators (num_envs,) of a batch after seeding some, and the indices of those that were seeded.
+) -> tuple[NDArray[np.object_], dict[int, int]]:
+    """Return the generators (num_envs,) of a batch after seeding some, and the seeds of those by their index.
 
     Args:
         rngs: the generators so far, which are not changed; empty before the first reset, which seeds all.
@@ -35,9 +35,10 @@ def seed_generators(
     is_first = len(rngs) == 0
     seeded = [i for i in rows.tolist() if is_first or seeds[i] is not None]
     result = np.full(num_envs, None, dtype=object) if is_first else rngs.copy()
+    used: dict[int, int] = {}
     for i in seeded:
-        result[i], _ = seeding.np_random(seeds[i])
-    return result, seeded
+        result[i], used[i] = seeding.np_random(seeds[i])
+    return result, used
 
 
 def check_generators(values: Any, num_envs: int) -> NDArray[np.object_]:

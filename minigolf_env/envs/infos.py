@@ -67,7 +67,11 @@ def single_info(strokes: int, outcome: Outcome | None, course: str, index: dict[
 
 
 def batch_info(
-    strokes: NDArray[np.int64], last: LastStrokes, courses: NDArray[np.object_], index: dict[str, NDArray[np.int64]]
+    strokes: NDArray[np.int64],
+    last: LastStrokes,
+    courses: NDArray[np.object_],
+    index: dict[str, NDArray[np.int64]],
+    rows: NDArray[np.int64] | slice,
 ) -> dict[str, Any]:
     """Return the infos of N environments as new arrays (N,), each with its mask, as Gymnasium's vector environments do.
 
@@ -76,6 +80,7 @@ def batch_info(
         last: the last strokes.
         courses: the courses' names.
         index: the numbers of the levels or holes by their key; empty where there are none.
+        rows: the environments that took part; the values of the others are zero or None, and masked.
     """
     info: dict[str, Any] = {
         "strokes": strokes.copy(),
@@ -86,7 +91,12 @@ def batch_info(
         "course": courses.copy(),
         **index,
     }
-    return info | {f"_{key}": np.ones(len(strokes), np.bool_) for key in info}
+    mask = np.zeros(len(strokes), np.bool_)
+    mask[rows] = True
+    if not mask.all():
+        info = {key: np.where(mask, values, None if values.dtype == object else 0) for key, values in info.items()}
+        info = {key: values.astype(np.bool_) if key == "is_success" else values for key, values in info.items()}
+    return info | {f"_{key}": mask.copy() for key in info}
 
 
 def final_info(ended: NDArray[np.bool_], observations: NDArray[Any], info: dict[str, Any]) -> dict[str, Any]:

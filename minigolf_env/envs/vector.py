@@ -42,6 +42,9 @@ Rows = NDArray[np.int64]
 ALL_ROWS = slice(None)
 """Rows of all environments: numpy indexes with a slice in a third of the time that an array of all indices takes."""
 
+UNKNOWN_SEED = -1
+"""Seed of a generator that was set from outside, as in Gymnasium."""
+
 SHARED_ATTRIBUTES = {"action_space": "single_action_space", "observation_space": "single_observation_space"} | {
     name: name for name in ("metadata", "render_mode", "spec")
 }
@@ -111,6 +114,7 @@ class MiniGolfVectorEnv(gym.vector.VectorEnv[Observations, Actions, NDArray[Any]
         self._tasks: NDArray[np.object_] = np.full(num_envs, task, dtype=object)
         self._course_names: NDArray[np.object_] = np.full(num_envs, task.course.name, dtype=object)
         self._rngs: NDArray[np.object_] = np.empty(0, dtype=object)
+        self._seeds: tuple[int, ...] = ()
         self._positions = np.empty((num_envs, 3))
         self._state = np.empty((num_envs, NUM_STATE_FEATURES), np.float32)
         self._strokes = np.zeros(num_envs, np.int64)
@@ -124,6 +128,20 @@ class MiniGolfVectorEnv(gym.vector.VectorEnv[Observations, Actions, NDArray[Any]
     @spec.setter
     def spec(self, spec: EnvSpec | None) -> None:
         self._spec = explain_unserializable(spec)
+
+    @property
+    def np_random(self) -> Any:
+        """The generators of the environments, a tuple of N, as of Gymnasium's SyncVectorEnv."""
+        return self.get_attr("np_random")
+
+    @np_random.setter
+    def np_random(self, values: Any) -> None:
+        self.set_attr("np_random", values)
+
+    @property
+    def np_random_seed(self) -> Any:
+        """The seeds of the environments' generators, a tuple of N; -1 of a generator that was set from outside."""
+        return self.get_attr("np_random_seed")
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
@@ -144,7 +162,7 @@ class MiniGolfVectorEnv(gym.vector.VectorEnv[Observations, Actions, NDArray[Any]
             if i not in tasks:
                 tasks[i] = self._sampler.sample(self._rngs[i], None)
         self._start_episodes(rows, tasks)
-        return self._observe(ALL_ROWS), self._info(LastStrokes.none(self.num_envs))
+        return self._observe(ALL_ROWS), self._info(LastStrokes.none(self.num_envs), rows)
 
     def step(self, actions: ArrayLike) -> tuple[Observations, FloatArray, Flags, Flags, dict[str, Any]]:
         """Play one putt in every environment; return (observations, rewards, terminated, truncated, infos)."""
@@ -268,8 +286,8 @@ class MiniGolfVectorEnv(gym.vector.VectorEnv[Observations, Actions, NDArray[Any]
         """Return an attribute of each environment.
 
         Args:
-            name: "np_random" or "task", of which each environment has its own, or "action_space", "metadata",
-                "observation_space", "render_mode" or "spec", which they share.
+            name: "np_random", "np_random_seed" or "task", of which each environment has its own, or "action_space",
+                "metadata", "observation_space", "render_mode" or "spec", which they share.
 
         Raises:
             AttributeError: the name is unknown.
@@ -281,7 +299,10 @@ class MiniGolfVectorEnv(gym.vector.VectorEnv[Observations, Actions, NDArray[Any]
         if name == "np_random":
             self._require_reset()
             return tuple(self._rngs)
-        known = ", ".join(map(repr, sorted([*SHARED_ATTRIBUTES, "np_random", "task"])))
+        if name == "np_random_seed":
+            self._require_reset()
+            return self._seeds
+        known = ", ".join(map(repr, sorted([*SHARED_ATTRIBUTES, "np_random", "np_random_seed", "task"])))
         raise AttributeError(
             f"name: expected one of {known}, or to call 'get_state', 'render' or 'what_if', received {name!r}; "
             "to move the balls, call the vector environment's own reset, step or set_state, which act on all of them."
@@ -298,6 +319,7 @@ class MiniGolfVectorEnv(gym.vector.VectorEnv[Observations, Actions, NDArray[Any]
             raise AttributeError(f"name: expected 'np_random', received {name!r}; make a new batch for other options.")
         self._require_reset()
         self._rngs = check_generators(values, self.num_envs)
+        self._seeds = (UNKNOWN_SEED,) * self.num_envs
 
     def _require_reset(self) -> None:
         if len(self._rngs) == 0:
@@ -317,8 +339,9 @@ class MiniGolfVectorEnv(gym.vector.VectorEnv[Observations, Actions, NDArray[Any]
 
     def _seed(self, seed: int | Sequence[int | None] | None, rows: Rows) -> list[int]:
         """Seed the generators of some environments, or all if there are none yet; return which were seeded."""
-        self._rngs, seeded = seed_generators(self._rngs, seed, rows, self.num_envs)
-        return seeded
+        self._rngs, seeds = seed_generators(self._rngs, seed, rows, self.num_envs)
+        self._seeds = tuple(seeds.get(i, self._seeds[i] if self._seeds else 0) for i in range(self.num_envs))
+        return list(seeds)
 
     def _select_tasks(self, index: Any, rows: Rows) -> dict[int, Task]:
         """Return the tasks of chosen levels or holes by environment; an empty dict if none is chosen."""
@@ -373,8 +396,8 @@ class MiniGolfVectorEnv(gym.vector.VectorEnv[Observations, Actions, NDArray[Any]
             self._subset(rows), self._positions[rows], self._strokes[rows], self._state[rows]
         )
 
-    def _info(self, last: LastStrokes) -> dict[str, Any]:
+    def _info(self, last: LastStrokes, rows: Rows | slice = ALL_ROWS) -> dict[str, Any]:
         index: dict[str, NDArray[np.int64]] = {}
         if self._sampler.is_indexed:
             index[self._sampler.index_name] = np.array([task.index for task in self._tasks], dtype=np.int64)
-        return batch_info(self._strokes, last, self._course_names, index)
+        return batch_info(self._strokes, last, self._course_names, index, rows)

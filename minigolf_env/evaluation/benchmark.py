@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -12,10 +13,11 @@ from tqdm import tqdm
 from minigolf_env._validation import one_of
 from minigolf_env.courses.procedural import DIFFICULTY_NAMES, PROCEDURAL_COURSE
 from minigolf_env.envs import MiniGolfEnv, MiniGolfVectorEnv
+from minigolf_env.envs.config import UnseenLevelWarning
 from minigolf_env.evaluation import FIRST_EVALUATION_SEED
 from minigolf_env.evaluation.rollout import EpisodeResult, run_episode, run_episodes_batched, search_strokes
 from minigolf_env.evaluation.statistics import Interval, mean_interval, ratio_interval, wilson_interval
-from minigolf_env.players.policies import BatchPolicy, Policy, load_policy
+from minigolf_env.players.policies import BatchPolicy, Policy, load_policy, warn_if_untrained
 
 FIRST_TRAINING_LEVEL = 0
 """Number of the first training level."""
@@ -87,7 +89,11 @@ def benchmark(
         }
         for level_set, first in (("train", FIRST_TRAINING_LEVEL), ("held out", FIRST_EVALUATION_SEED)):
             policy = load_policy(policy_name, seed)  # A new one: a set's scores do not depend on the sets before it.
-            yield _evaluate_set(policy, level_set, range(first, first + num_levels), env_args)
+            warn_if_untrained(policy, PROCEDURAL_COURSE)
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", UnseenLevelWarning)  # Search and random players see no level either.
+                result = _evaluate_set(policy, level_set, range(first, first + num_levels), env_args)
+            yield result
 
 
 def _evaluate_set(policy: Policy, level_set: str, levels: range, env_args: dict[str, Any]) -> LevelSetResult:

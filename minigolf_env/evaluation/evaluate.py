@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import warnings
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -13,11 +14,12 @@ from tqdm import tqdm
 from minigolf_env._validation import one_of
 from minigolf_env.courses.procedural import DIFFICULTY_NAMES, PROCEDURAL_COURSE
 from minigolf_env.envs import MiniGolfEnv, MiniGolfVectorEnv, round_reset_options
+from minigolf_env.envs.config import UnseenLevelWarning
 from minigolf_env.envs.samplers import LevelSampler
 from minigolf_env.evaluation import FIRST_EVALUATION_SEED
 from minigolf_env.evaluation.rollout import EpisodeResult, run_episode, run_episodes_batched
 from minigolf_env.evaluation.statistics import Interval, mean_interval, wilson_interval
-from minigolf_env.players.policies import BatchPolicy, Policy
+from minigolf_env.players.policies import BatchPolicy, Policy, warn_if_untrained
 
 MAX_BATCH_EPISODES = 4096
 """Largest number of episodes played at once in one batch."""
@@ -102,13 +104,16 @@ def evaluate(
         env_args |= {"difficulty": difficulty, "tee": "fixed"}
     elif difficulty is not None:
         raise ValueError(f"difficulty: expected with course={PROCEDURAL_COURSE!r} only, received {difficulty!r}.")
+    warn_if_untrained(policy, str(course))
     # Play the episodes.
     starts = [_EpisodeStart.of(course, first_seed, k) for k in range(episodes)]
-    if isinstance(policy, BatchPolicy) and not watch:
-        results = _run_batches(policy, course, starts, env_args)
-    else:
-        progress = tqdm(starts, f"{policy_name} plays", leave=False, disable=quiet or None)
-        results = _run_one_by_one(policy, course, progress, watch, env_args)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UnseenLevelWarning)  # Search and random players see no level either.
+        if isinstance(policy, BatchPolicy) and not watch:
+            results = _run_batches(policy, course, starts, env_args)
+        else:
+            progress = tqdm(starts, f"{policy_name} plays", leave=False, disable=quiet or None)
+            results = _run_one_by_one(policy, course, progress, watch, env_args)
     # Summarize the results.
     strokes, holed = (np.array(column) for column in zip(*results, strict=True))
     num_holes_in_one = int((holed & (strokes == 1)).sum())

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import warnings
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
@@ -110,6 +111,8 @@ class ModelPolicy:
             self.observation = _infer_observation((num_inputs,))
         self.sha256 = _sha256(Path(path))
         """SHA-256 of the file."""
+        self.courses = _find_training_courses(Path(path))
+        """Names of the courses that the model was trained on; None: nothing next to its file says so."""
 
     def act(self, observation: NDArray[Any], env: MiniGolfEnv) -> Action:
         """Return the mean of the policy's distribution, or the putt with the fewest expected strokes, shape (2,)."""
@@ -135,6 +138,14 @@ class SB3Policy:
 
     def __init__(self, model: Any, observation: str) -> None:
         self.observation = one_of(observation, tuple(OBSERVATIONS), "observation")
+        expected = OBSERVATIONS[observation].space().shape
+        space = getattr(model, "observation_space", None)
+        # stable-baselines3 puts the channels of an image first.
+        if space is not None and sorted(space.shape) != sorted(expected or ()):
+            raise ValueError(
+                f"observation: expected the one that the model was trained with, of shape {space.shape}, received "
+                f"{observation!r} of shape {expected}."
+            )
         self._model = model
 
     def act(self, observation: NDArray[Any], env: MiniGolfEnv) -> Action:
@@ -144,6 +155,30 @@ class SB3Policy:
     def act_batch(self, observations: NDArray[Any]) -> Action:
         """Return the model's deterministic actions (N, 2)."""
         return np.asarray(self._model.predict(observations, deterministic=True)[0], dtype=np.float32)
+
+
+def warn_if_untrained(policy: Policy, course: str) -> None:
+    """Warn if a model that observes no walls plays a course that it was not trained on: it putts as on its own."""
+    courses = getattr(policy, "courses", None)
+    if policy.observation == "state" and courses is not None and course not in courses:
+        warnings.warn(
+            f"the model was trained on {', '.join(sorted(courses))} and observes no walls: on {course!r:.80} it putts "
+            "as if it were there; train one for this course, or use a model that observes rays.",
+            UserWarning,
+            stacklevel=3,
+        )
+
+
+def _find_training_courses(model: Path) -> frozenset[str] | None:
+    """Return the courses that a model's card, or the configuration of its run, names."""
+    try:
+        card = model.with_suffix(".json")
+        if card.is_file():
+            return frozenset(score["course"] for score in json.loads(card.read_text())["scores"])
+        config = model.with_name("config.json")
+        return frozenset([json.loads(config.read_text())["course"]]) if config.is_file() else None
+    except (AttributeError, LookupError, OSError, TypeError, ValueError):
+        return None  # A file of another program.
 
 
 def load_policy(name: str | Path, seed: int = 0) -> Policy:

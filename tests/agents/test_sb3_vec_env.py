@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 import sys
 import types
@@ -133,3 +134,24 @@ def test_rejects_other_autoreset_modes() -> None:
     """In NextStep mode the learning algorithm would receive transitions across episodes."""
     with pytest.raises(ValueError, match="SameStep"):
         SB3VecEnv(gym.make_vec("minigolf_env:MiniGolf-v0", num_envs=2))
+
+
+def test_options_apply_to_the_next_reset_only() -> None:
+    """set_options selects the levels of one reset, for all environments or each; missing ones are an error."""
+    make = functools.partial(gym.make_vec, "MiniGolf-v0", course="procedural", observation="rays")
+    envs = SB3VecEnv(make(num_envs=3, autoreset_mode="SameStep"))
+    envs.seed(0)
+    envs.set_options({"level": 17})
+    envs.reset()
+    assert [info["level"] for info in envs.reset_infos] == [17, 17, 17]
+    envs.set_options([{"level": level} for level in (4, 5, 6)])
+    envs.reset()
+    assert [info["level"] for info in envs.reset_infos] == [4, 5, 6]
+    envs.reset()
+    assert [info["level"] for info in envs.reset_infos] != [4, 5, 6]
+    envs.set_options([{"level": 4}, {}, {"level": 6}])
+    with pytest.raises(ValueError, match="options: expected the same keys for each of 3 environments"):
+        envs.reset()
+    envs.set_options({"lvl": 4})
+    with pytest.raises(ValueError, match="options: expected only 'level'"):
+        envs.reset()

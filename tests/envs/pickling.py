@@ -24,7 +24,13 @@ PUTT_NOISE = (0.5, 0.015)
 ENV_OPTIONS: dict[str, dict[str, Any]] = {
     "dogleg": {"putt_noise": PUTT_NOISE, "max_strokes": 3},
     "round": {"course": "round", "max_strokes": 2, "observation": "rays"},
-    "levels": {"course": "procedural", "max_strokes": 2, "putt_noise": PUTT_NOISE, "num_levels": 0},
+    "levels": {
+        "course": "procedural",
+        "max_strokes": 2,
+        "putt_noise": PUTT_NOISE,
+        "num_levels": 0,
+        "observation": "rays",
+    },
 }
 """Arguments of environments, by name."""
 

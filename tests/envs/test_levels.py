@@ -92,7 +92,8 @@ def test_batch_plays_selected_levels() -> None:
     batch = MiniGolfVectorEnv(3, "procedural", num_levels=4, autoreset_mode="Disabled")
     assert batch.reset(seed=0, options={"level": [9, 11, 9]})[1]["level"].tolist() == [9, 11, 9]
     mask = np.array([False, True, False])
-    assert batch.reset(options={"reset_mask": mask, "level": 30})[1]["level"].tolist() == [9, 30, 9]
+    infos = batch.reset(options={"reset_mask": mask, "level": 30})[1]
+    assert infos["level"][1] == 30 and infos["_level"].tolist() == [False, True, False]
     for wrong in ([1, 2], [1, 2, -1], "first", 0.5):
         with pytest.raises(ValueError, match="level: expected"):
             batch.reset(options={"level": wrong})

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from gymnasium.utils.env_checker import check_env
 
 import minigolf_env  # noqa: F401 (registers the environment)
 from minigolf_env.envs import MiniGolfEnv, MiniGolfVectorEnv
+from minigolf_env.envs.config import UnseenLevelWarning
 
 ROOT = Path(__file__).parents[2]
 
@@ -199,14 +201,14 @@ def test_unknown_argument_is_a_type_error(course: str) -> None:
             lambda **given: MiniGolfEnv(course, **given),
             lambda **given: MiniGolfVectorEnv(2, course, **given),
         ):
-            with pytest.raises(TypeError, match=f"argument: expected one of .*, received '{next(iter(options))}'"):
+            with pytest.raises(TypeError, match=f"^got an unexpected keyword argument '{next(iter(options))}'"):
                 make(**options)
 
 
 @pytest.mark.parametrize("options", [{"num_envs": 2}, {"autoreset_mode": "Disabled"}])
 def test_single_environment_rejects_vector_arguments(options: dict[str, Any]) -> None:
     """The error says which kind of environment has the argument."""
-    with pytest.raises(TypeError, match=f"'{next(iter(options))}' is for vector environments only"):
+    with pytest.raises(TypeError, match=f"^got an unexpected keyword argument '{next(iter(options))}'.*make_vec"):
         MiniGolfEnv(**options)
 
 
@@ -293,3 +295,32 @@ def test_putt_noise_has_the_given_standard_deviations() -> None:
     speeds = np.hypot(launched[:, 0], launched[:, 1])
     assert degrees.std() == pytest.approx(2.0, rel=0.05) and abs(degrees.mean()) < 0.1
     assert speeds.std() == pytest.approx(0.05, rel=0.05) and speeds.mean() == pytest.approx(1.0, abs=0.005)
+
+
+@pytest.mark.parametrize(
+    ("name", "advice"),
+    [
+        ("num_envs", "gymnasium.make_vec"),
+        ("n_envs", "gymnasium.make_vec"),
+        ("frameskip", "expected one of 'course', 'render_mode'"),
+        ("seed", r"reset\(seed=...\)"),
+        ("width", "render_size"),
+        ("max_stroke", "did you mean 'max_strokes'"),
+    ],
+)
+def test_unknown_argument_of_gym_make_is_named_as_python_does(name: str, advice: str) -> None:
+    """Clients such as TorchRL recognise Python's phrase; the advice follows."""
+    with pytest.raises(TypeError, match=f"got an unexpected keyword argument '{name}'.*{advice}"):
+        gym.make("MiniGolf-v0", **{name: 3})
+    with pytest.raises(TypeError, match=r"got an unexpected keyword argument 'max_episode_steps'.*max_strokes"):
+        gym.make_vec("MiniGolf-v0", num_envs=2, max_episode_steps=5)
+
+
+def test_level_that_an_agent_cannot_see_is_a_warning() -> None:
+    """The observation "state" of levels shows no wall; other observations and holes give no warning."""
+    with pytest.warns(UnseenLevelWarning, match="hides the level"):
+        MiniGolfEnv("procedural")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        MiniGolfEnv("procedural", observation="rays")
+        MiniGolfEnv("round")

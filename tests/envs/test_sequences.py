@@ -379,7 +379,10 @@ class BatchMachine(EnvMachine):
         observations, infos = self.env.reset(seed=seed, options=options)
         assert infos.keys() == {name for key in self.models[0].info for name in (key, f"_{key}")}
         for i, model in enumerate(self.models):
-            self.check_result(i, replace(model, last=("tee", 0.0, 0)), observations, infos)
+            if chosen[i] or not chosen.any():
+                self.check_result(i, model, observations, infos)
+            else:
+                assert not any(infos[f"_{key}"][i] for key in model.info)
 
     @rule(sequence=st.lists(st.lists(putts, min_size=NUM_ENVS, max_size=NUM_ENVS), min_size=1, max_size=4))
     def step(self, sequence: list[list[Any]]) -> None:

@@ -10,6 +10,7 @@ import gymnasium as gym
 import numba
 import numpy as np
 import pytest
+from gymnasium.error import ResetNeeded
 
 from minigolf_env.courses import list_courses
 from minigolf_env.envs import MiniGolfEnv, MiniGolfVectorEnv
@@ -282,3 +283,42 @@ def test_batch_without_autoreset_asks_for_reset() -> None:
         batch.step(np.zeros((NUM_ENVS, 2)))
     with pytest.raises(gym.error.ResetNeeded, match="reset_mask"):
         batch.step(np.zeros((NUM_ENVS, 2)))
+
+
+def test_partial_reset_reports_only_the_environments_that_it_resets() -> None:
+    """Values of the others are zero or None, and masked, as in Gymnasium's vector environments."""
+    envs = MiniGolfVectorEnv(3, "round", autoreset_mode="Disabled")
+    envs.reset(seed=0)
+    envs.step(np.zeros((3, 2)))
+    mask = np.array([False, True, False])
+    _, infos = envs.reset(options={"reset_mask": mask})
+    for key in ("strokes", "is_success", "status", "shot_time", "bounces", "course", "hole"):
+        assert (infos[f"_{key}"] == mask).all()
+        assert not any(infos[key][~mask])
+    assert infos["status"][1] == "tee" and infos["hole"][1] == 2
+    assert infos["strokes"].dtype == np.int64 and infos["is_success"].dtype == np.bool_
+    assert [state["strokes"] for state in envs.get_state()] == [1, 0, 1]
+
+
+def test_seeds_of_a_batch_are_those_of_its_generators() -> None:
+    """np_random_seed has the seed of each environment; a generator that was set from outside has the seed -1."""
+    envs = MiniGolfVectorEnv(3)
+    with pytest.raises(ResetNeeded):
+        _ = envs.np_random_seed
+    envs.reset(seed=7)
+    assert envs.np_random_seed == envs.get_attr("np_random_seed") == (7, 8, 9)
+    envs.reset(seed=[None, 3, None])
+    assert envs.np_random_seed == (7, 3, 9) and isinstance(envs.np_random, tuple)
+    envs.reset()
+    assert envs.np_random_seed == (7, 3, 9)
+    single = MiniGolfEnv()
+    single.reset(seed=3)
+    assert single.np_random_seed == 3
+    envs.set_attr("np_random", [np.random.default_rng(k) for k in range(3)])
+    assert envs.np_random_seed == (-1, -1, -1)
+
+
+def test_environments_derive_from_gymnasium_directly() -> None:
+    """Clients such as skrl look for Gymnasium's classes among the direct bases."""
+    assert gym.vector.VectorEnv in MiniGolfVectorEnv.__bases__
+    assert gym.Env in MiniGolfEnv.__bases__

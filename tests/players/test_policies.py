@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import shutil
+import warnings
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,7 +15,15 @@ from minigolf_env.envs.observations import OBSERVATIONS
 from minigolf_env.evaluation.rollout import run_episodes_batched
 from minigolf_env.players.mlp_policy import MLPPolicy
 from minigolf_env.players.model_files import save_model
-from minigolf_env.players.policies import ModelPolicy, RandomPolicy, load_policy
+from minigolf_env.players.policies import (
+    PRETRAINED_FOLDER,
+    PRETRAINED_MODELS,
+    ModelPolicy,
+    RandomPolicy,
+    SB3Policy,
+    load_policy,
+    warn_if_untrained,
+)
 from minigolf_env.players.putt_features import NUM_FEATURES
 from minigolf_env.players.putt_value_model import PuttValueModel
 from tests.players.samples import random_mlp
@@ -75,3 +86,29 @@ def test_rejects_unknown_policy_names(tmp_path: Path) -> None:
         load_policy("serch")
     with pytest.raises(FileNotFoundError, match=r"\.zip"):
         load_policy(tmp_path / "model.zip")
+
+
+def test_model_on_a_course_that_it_was_not_trained_on_is_a_warning(tmp_path: Path) -> None:
+    """A model without sight of walls warns on other courses; its card or the configuration of its run names its own."""
+    model = load_policy("ppo")
+    with pytest.warns(UserWarning, match="trained on dogleg"):
+        warn_if_untrained(model, "bank")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        warn_if_untrained(model, "dogleg")
+        warn_if_untrained(load_policy("search"), "bank")
+        warn_if_untrained(load_policy("generalist"), "bank")
+    file = tmp_path / "best_model.zip"
+    shutil.copy(PRETRAINED_FOLDER / PRETRAINED_MODELS["ppo"], file.with_suffix(PRETRAINED_MODELS["ppo"][-4:]))
+    (tmp_path / "config.json").write_text('{"course": "bank"}')
+    copied = load_policy(next(tmp_path.glob("best_model*")))
+    with pytest.warns(UserWarning, match="trained on bank"):
+        warn_if_untrained(copied, "dogleg")
+
+
+def test_sb3_policy_checks_the_shape_of_its_observation() -> None:
+    """A model that was trained on another observation is an error, not a crash in its network."""
+    model = SimpleNamespace(observation_space=OBSERVATIONS["rays"].space(), predict=None)
+    assert SB3Policy(model, "rays").observation == "rays"
+    with pytest.raises(ValueError, match=r"of shape \(48,\), received 'state'"):
+        SB3Policy(model, "state")
