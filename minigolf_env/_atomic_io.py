@@ -49,7 +49,10 @@ def write_text(path: str | Path, text: str) -> None:
 
 def check_output(path: str | Path) -> Path:
     """Return the absolute path at which a file can be written, or raise an OSError that says what to do."""
-    path = Path(path).expanduser().resolve()
+    try:
+        path = Path(path).expanduser().resolve()
+    except (RuntimeError, ValueError) as error:  # A loop of symbolic links, an unknown home folder, a zero byte.
+        raise OSError(f"{str(path)!r}: expected the path of a file to write, {error}; choose another.") from error
     if path.exists() and not path.is_file():
         raise OSError(f"{path}: expected a file to replace or a new name, there is something else of that name.")
     folder = next(folder for folder in path.parents if folder.exists())

@@ -47,9 +47,16 @@ def test_symbolic_link_is_followed(tmp_path: Path) -> None:
 
 
 def test_unwritable_path_is_refused_before_the_block(tmp_path: Path) -> None:
-    """The path is a folder, or its folder is a file."""
+    """The path is a folder, its folder is a file, it is a loop of links, or no path at all."""
     (tmp_path / "file").touch()
-    refused = {tmp_path: "something else of that name", tmp_path / "file" / "a": "choose another folder"}
+    (tmp_path / "loop").symlink_to(tmp_path / "loop")
+    refused = {
+        tmp_path: "something else of that name",
+        tmp_path / "file" / "a": "choose another folder",
+        tmp_path / "loop": "expected the path of a file to write",
+        tmp_path / "loop" / "a": "expected the path of a file to write",
+        tmp_path / "zero\0byte": "expected the path of a file to write",
+    }
     for path, message in refused.items():
         with pytest.raises(OSError, match=message), atomic_write(path):
             pytest.fail("the block was entered")

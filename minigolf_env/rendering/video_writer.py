@@ -97,8 +97,9 @@ class VideoWriter:
         _OPEN_WRITERS.add(self)
 
     def add(self, frame: Image) -> None:
-        """Append a frame (height, width, 3)."""
+        """Append a frame (height, width, 3), uint8."""
         width, height = self.size
+        frame = np.asarray(frame)
         if frame.shape != (height, width, 3) or frame.dtype != np.uint8:
             raise ValueError(
                 f"frame: expected uint8 of shape {(height, width, 3)}, received {frame.dtype} of {frame.shape}; "

@@ -47,7 +47,7 @@ def test_changed_mesh_file_is_loaded_again(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["../slab.obj", "/etc/passwd", "C:/slab.obj", "a/../../slab.obj", "link.obj", "x.py", "no.obj"]
+    "name", ["../slab.obj", "/etc/passwd", "C:/slab.obj", "a/../../slab.obj", "link.obj", "loop.obj", "x.py", "no.obj"]
 )
 def test_rejects_mesh_files_outside_course_folder(name: str, tmp_path: Path) -> None:
     """Dots, roots, drives and links that lead out of the folder, and other kinds of files, are errors."""
@@ -55,6 +55,7 @@ def test_rejects_mesh_files_outside_course_folder(name: str, tmp_path: Path) -> 
     inner = tmp_path / "inner"
     inner.mkdir()
     (inner / "link.obj").symlink_to(tmp_path / "slab.obj")
+    (inner / "loop.obj").symlink_to(inner / "loop.obj")
     (inner / "m.toml").write_text(MESH.format(name))
     with pytest.raises(CourseError, match="file: expected"):
         load_course(inner / "m.toml")

@@ -18,6 +18,7 @@ import PIL.Image
 import pytest
 
 from minigolf_env.courses import load_course
+from minigolf_env.envs import MiniGolfEnv
 from minigolf_env.rendering import Image, Line, RenderingError, SceneState, flag_rest_position
 from minigolf_env.rendering.camera import Camera, make_camera
 from minigolf_env.rendering.gl import context as gl_context
@@ -359,3 +360,55 @@ def test_restores_the_context_of_other_opengl_users() -> None:
 if __name__ == "__main__":
     for name in ("follow", "top", "tee", "orbit", *CLOSE_UPS):
         PIL.Image.fromarray(draw_like_stored(name)).save(GOLDEN / f"dogleg_{name}.png")
+
+
+@pytest.mark.parametrize("end", ["display", "context"])
+def test_context_that_another_library_ended_is_made_again(end: str) -> None:
+    """After SDL, for one, has ended the display of the process, pictures have the same pixels as before."""
+    from OpenGL import EGL
+
+    env = MiniGolfEnv(render_mode="rgb_array", render_size=(160, 120))
+    env.reset(seed=0)
+    before = [env.render(), env.render()]
+    for _ in range(2):
+        context: Any = get_offscreen_renderer().context
+        if end == "display":
+            EGL.eglTerminate(context._display)
+        else:
+            EGL.eglDestroyContext(context._display, context._context)
+        after = [env.render(), env.render()]
+        assert all((one == other).all() for one, other in zip(before, after, strict=True))
+
+
+def test_context_that_ends_again_at_once_is_a_rendering_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One new context is tried, no more."""
+    from OpenGL import EGL
+
+    env = MiniGolfEnv(render_mode="rgb_array", render_size=(160, 120))
+    env.reset(seed=0)
+    env.render()
+    monkeypatch.setattr(EGL, "eglMakeCurrent", raise_egl_error)
+    with pytest.raises(RenderingError, match=r"the OpenGL context has ended: .*EGL_BAD_DISPLAY"):
+        env.render()
+    monkeypatch.undo()
+    assert env.render().any()
+
+
+def raise_egl_error(*_: object) -> None:
+    """Fail as EGL does after its display was ended."""
+    from OpenGL import EGL
+
+    raise EGL.EGLError(err=EGL.EGL_BAD_DISPLAY)
+
+
+@pytest.mark.parametrize("platform", ["osmesa", "glx", "nonsense"])
+def test_other_platform_of_pyopengl_is_named(platform: str) -> None:
+    """The message says which environment variable to unset, and does not ask for libraries; an empty one is unset."""
+    make = "from minigolf_env.envs import MiniGolfEnv\nenv = MiniGolfEnv(render_mode='rgb_array')\n"
+    command = [sys.executable, "-c", make + "env.reset()\nenv.render()"]
+    message = f"expected PYOPENGL_PLATFORM=egl or none, received '{platform}'; unset it"
+    for value, is_refused in ((platform, True), ("", False)):
+        environment = {**os.environ, "PYOPENGL_PLATFORM": value}
+        done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+        assert (message in done.stderr) == (done.returncode != 0) == is_refused
+        assert "apt-get" not in done.stderr

@@ -185,6 +185,16 @@ def test_rejects_invalid_arguments(tmp_path: Path, name: str, size: Any, fps: An
     assert {path.name for path in tmp_path.iterdir()} == {"file", "folder.mp4"}
 
 
+def test_frames_may_be_lists_of_bytes_only_as_arrays_of_uint8(tmp_path: Path) -> None:
+    """A list of numbers is an error with its type, not an AttributeError; nothing is left of the video."""
+    with (
+        pytest.raises(ValueError, match=r"frame: expected uint8 of shape .* received int64"),
+        VideoWriter(tmp_path / "a.mp4", SIZE, FPS) as writer,
+    ):
+        writer.add(np.zeros((*SIZE[::-1], 3), np.int64).tolist())  # type: ignore[arg-type]
+    assert not list(tmp_path.iterdir())
+
+
 @pytest.mark.parametrize("shape", [(47, 64, 3), (48, 64), (48, 64, 4)])
 def test_rejects_frames_of_wrong_size(tmp_path: Path, shape: tuple[int, ...]) -> None:
     """A video without frames is rejected too."""

@@ -31,7 +31,10 @@ def resolve_mesh_path(name: str, folder: Path | None, limits: Limits) -> Path:
             f"file: expected a path below the course file's folder, received {name!r}; "
             "put the mesh next to the course file."
         )
-    path = (folder / name).resolve()
+    try:
+        path = (folder / name).resolve()
+    except (OSError, RuntimeError, ValueError) as error:  # A loop of symbolic links, a zero byte.
+        raise CourseError(f"file: expected a file in the course's folder, received {name!r:.80}: {error}.") from error
     if not path.is_relative_to(folder.resolve()):
         raise CourseError(f"file: expected a file in the course's folder, received a link out of it: {name!r}.")
     if path.suffix.lower() not in MESH_FILE_SUFFIXES:

@@ -15,7 +15,7 @@ from contextlib import AbstractContextManager, contextmanager
 from functools import partial
 from typing import Any, Protocol
 
-from minigolf_env.rendering.errors import RenderingError
+from minigolf_env.rendering.errors import ContextLostError, RenderingError
 
 DEVICE_VARIABLE = "MINIGOLF_EGL_DEVICE"
 """Environment variable with the number of the EGL device to draw on; unset: the first device that works."""
@@ -31,8 +31,11 @@ INSTALL_HINT = (
 )
 """Remedy for missing libraries, the end of error messages."""
 
-if sys.platform == "linux":
-    os.environ.setdefault("PYOPENGL_PLATFORM", "egl")
+PLATFORM_VARIABLE = "PYOPENGL_PLATFORM"
+"""Environment variable by which PyOpenGL chooses its platform."""
+
+if sys.platform == "linux" and not os.environ.get(PLATFORM_VARIABLE):
+    os.environ[PLATFORM_VARIABLE] = "egl"
 
 
 class Context(Protocol):
@@ -65,6 +68,7 @@ class EGLContext:
 
         Raises:
             RenderingError: this process was forked from the one that made the context.
+            ContextLostError: another library has ended the context or its display.
         """
         check_process(self._process_id)
         egl = self._egl
@@ -76,7 +80,13 @@ class EGLContext:
                 egl.eglGetCurrentContext(),
             )
             with _glx_released():
-                egl.eglMakeCurrent(self._display, egl.EGL_NO_SURFACE, egl.EGL_NO_SURFACE, self._context)
+                try:
+                    egl.eglMakeCurrent(self._display, egl.EGL_NO_SURFACE, egl.EGL_NO_SURFACE, self._context)
+                except egl.EGLError as error:
+                    raise ContextLostError(
+                        f"rendering: the OpenGL context has ended: {_describe(error)}; another library, such as "
+                        "pygame, may have ended the display. Render in a process of its own."
+                    ) from error
                 try:
                     yield
                 finally:
@@ -149,6 +159,12 @@ def check_process(process_id: int) -> None:
 
 def _load_egl() -> Any:
     """Return PyOpenGL's EGL module."""
+    wanted = os.environ.get(PLATFORM_VARIABLE, "egl")
+    if wanted.lower() != "egl":
+        raise RenderingError(
+            f"rendering: expected {PLATFORM_VARIABLE}=egl or none, received {wanted!r:.60}; unset it. EGL draws "
+            "without a screen and without a GPU, too."
+        )
     try:
         from OpenGL import EGL, platform
     except Exception as error:  # PyOpenGL raises ImportError, AttributeError or TypeError where the library is missing.

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from minigolf_env.courses import Course
 from minigolf_env.rendering.camera import Camera
 from minigolf_env.rendering.dirty_rect import compute_dirty_rect
+from minigolf_env.rendering.errors import ContextLostError
 from minigolf_env.rendering.gl.context import Context, EGLContext
 from minigolf_env.rendering.image import Image
 from minigolf_env.rendering.scene_state import SceneState
@@ -51,10 +52,21 @@ def draw(course: Course, camera: Camera, state: SceneState, size: tuple[int, int
 def draw_many(
     course: Course, camera: Camera, states: Iterable[SceneState], size: tuple[int, int], profile: str = "high"
 ) -> list[Image]:
-    """Return an image of each scene state as ``draw`` does, in slightly less time."""
+    """Return an image of each scene state as ``draw`` does, in slightly less time.
+
+    If another library has ended the context, a new one is made, once.
+
+    Raises:
+        RenderingError: see ``draw``.
+    """
+    key = (course, camera, size, profile)
+    wanted = list(states)
     renderer = get_offscreen_renderer()
-    with renderer.context.current():
-        return [renderer.draw((course, camera, size, profile), state) for state in states]
+    try:
+        return renderer.draw_all(key, wanted)
+    except ContextLostError:
+        _discard_renderer(renderer)
+        return get_offscreen_renderer().draw_all(key, wanted)
 
 
 class OffscreenRenderer:
@@ -69,6 +81,11 @@ class OffscreenRenderer:
         self._renderer: Renderer | None = None
         self._backgrounds: OrderedDict[BackgroundKey, Image] = OrderedDict()
         self._last_key: BackgroundKey | None = None
+
+    def draw_all(self, key: BackgroundKey, states: Iterable[SceneState]) -> list[Image]:
+        """Return an image of each scene state."""
+        with self.context.current():
+            return [self.draw(key, state) for state in states]
 
     def draw(self, key: BackgroundKey, state: SceneState) -> Image:
         """Return an image; the context is current."""
@@ -108,6 +125,13 @@ def get_offscreen_renderer() -> OffscreenRenderer:
     """Return the renderer of this process, made at the first call."""
     with _CREATION_LOCK:
         return _process_renderer()
+
+
+def _discard_renderer(renderer: OffscreenRenderer) -> None:
+    """Forget the renderer of the process, unless another thread has replaced it already."""
+    with _CREATION_LOCK:
+        if _process_renderer() is renderer:
+            _process_renderer.cache_clear()
 
 
 @functools.cache
