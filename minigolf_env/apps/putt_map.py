@@ -140,9 +140,12 @@ def draw_map(axes: Axes, course: Course, putts: PuttOutcomes) -> None:
     at_rest = putts.outcome.result == Result.REST
     ends = putts.outcome.position[at_rest]
     axes.plot(*ends[:, :2].T, ",", color="#1b3f8b", alpha=0.35, rasterized=True)
-    axes.plot(*putts.start[:2], "o", color="white", markeredgecolor="black", markersize=6)
+    axes.plot([], [], ".", color="#1b3f8b", label="where a putt ends")  # The points themselves are a pixel each.
+    x, y = putts.start[:2]
+    axes.plot(x, y, "o", color="white", markeredgecolor="black", markersize=6, label="ball")
     if course.cup is not None:
-        axes.plot(*course.cup.position[:2], "o", color="#c22121", markersize=5)
+        axes.plot(*course.cup.position[:2], "o", color="#c22121", markersize=5, label="cup")
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=3, frameon=False, fontsize=9)
     holed = float(putts.outcome.holed.mean())
     axes.set_title(f"{course.name}: {putts.outcome.result.size:,} putts, {holed:.2%} of them holes in one")
 

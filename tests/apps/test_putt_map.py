@@ -43,6 +43,7 @@ def test_writes_map_and_draws_it_on_axes(tmp_path: Path) -> None:
     axes = Figure().subplots()
     draw_map(axes, load_course("islands"), putts)
     assert "144 putts" in axes.get_title()
+    assert [text.get_text() for text in axes.get_legend().get_texts()] == ["where a putt ends", "ball", "cup"]
 
 
 def test_rejects_tee_inside_wall() -> None:

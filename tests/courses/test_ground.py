@@ -148,3 +148,24 @@ def test_byte_order_mark_is_read_over(tmp_path: Path) -> None:
     (tmp_path / "d.toml").write_text(text, encoding="utf-16")
     with pytest.raises(CourseError, match="save it as UTF-8"):
         load_course(tmp_path / "d.toml")
+
+
+def test_bridge_of_the_same_mesh_does_not_hide_the_cup() -> None:
+    """A piece of the floor's mesh above the cup is no floor under it."""
+    pieces = [trimesh.creation.box(bounds=b) for b in ([(-1, -1, -0.2), (4, 1, 0)], [(2.5, -1, 0.8), (3.5, 1, 1.0)])]
+    both = trimesh.util.concatenate(pieces)
+    part = floor((0, 0, 0), (1, 1, 1), vertices=both.vertices.tolist(), faces=both.faces.tolist())
+    assert is_holed_from_above(hole([part], (3, 0, 0)))
+
+
+def test_default_bounds_hold_lanes_with_heights_and_mesh_floors() -> None:
+    """A ball on high or low ground, or on a floor beside the lanes, is within the default bounds."""
+    rise = {"kind": "along", "at": [0, 0], "profile": [(0, 0), (2, 3), (4, -1)]}
+    lane = {"kind": "lane", "outline": [{"box": [0, 0, 4, 1]}], "heights": [rise]}
+    part = floor((-3, -1, -0.2), (-1, 1, 0))
+    data = {"name": "c", "tee": {"at": [-2, 0]}, "parts": [lane, part]}
+    course = build_course(validate_description(data, "c"))
+    points = np.concatenate([part.mesh.vertices for part in course.parts])
+    assert (np.array(course.bounds[0]) <= points.min(axis=0)).all()
+    assert (np.array(course.bounds[1]) >= points.max(axis=0)).all()
+    assert course.bounds[1][2] >= points[:, 2].max() + 2 * course.ball_radius

@@ -36,6 +36,9 @@ BOUNDS_BELOW_FLOOR = 0.3
 BOUNDS_ABOVE_FLOOR = 2.0
 """Distance from the highest level of a lane up to the default bounds, m: no ball in play flies higher."""
 
+BOUNDS_ABOVE_PARTS = 0.3
+"""Distance from the highest point of all parts up to the default bounds, m, at least."""
+
 
 def assemble_course(
     file: CourseFile,
@@ -240,7 +243,12 @@ def _default_bounds(file: CourseFile, parts: tuple[Part, ...]) -> tuple[Point3, 
     area = shapely.union_all([_outline_with_border(lane) for lane in lanes])
     left, front, right, back = area.bounds
     levels = [lane.level for lane in lanes]
-    return (left, front, min(levels) - BOUNDS_BELOW_FLOOR), (right, back, max(levels) + BOUNDS_ABOVE_FLOOR)
+    # Parts may reach beyond: ground that rises or falls, floors that are meshes.
+    points = np.concatenate([part.mesh.vertices for part in parts])
+    low = np.minimum((left, front, min(levels) - BOUNDS_BELOW_FLOOR), points.min(axis=0)).tolist()
+    above_parts = np.add(points.max(axis=0), (0.0, 0.0, BOUNDS_ABOVE_PARTS))
+    high = np.maximum((right, back, max(levels) + BOUNDS_ABOVE_FLOOR), above_parts).tolist()
+    return (low[0], low[1], low[2]), (high[0], high[1], high[2])
 
 
 def _outline_with_border(lane: LanePart) -> ShapelyPolygon:

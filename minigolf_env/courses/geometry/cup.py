@@ -41,7 +41,10 @@ def cup_outline(clear: ShapelyPolygon, cup: Cup) -> ShapelyPolygon:
     if clear.contains(Point(x, y)):
         max_radius = clear.boundary.distance(Point(x, y)) / corner_ratio(ROUND_SIDES) - CUP_LINER_THICKNESS
     if max_radius <= 0.0:
-        raise CourseError(f"cup position: expected a place on the floor, received {cup.position}; move the cup.")
+        raise CourseError(
+            f"cup position: expected a place on one piece of floor, received {cup.position} on its edge or off it; "
+            "move the cup, or join the pieces."
+        )
     raise CourseError(
         f"cup radius: expected less than {max_radius:.3f} m, received {cup.radius!r}; "
         "a wider cup would cut into a border or an obstacle."
@@ -82,7 +85,8 @@ def cut_cup_into_mesh(mesh: Trimesh, cup: Cup, obstacles: Sequence[ShapelyPolygo
     is_cut = is_top & shapely.intersects(face_polygons, hole)
     bottom = rim - cup.depth - CUP_LINER_THICKNESS
     is_above_bottom = corners[:, :, 2].min(axis=1) > bottom - LEVEL_TOLERANCE
-    below = shapely.intersects(face_polygons, hole) & ~is_cut & is_above_bottom
+    is_below_rim = corners[:, :, 2].min(axis=1) < rim - LEVEL_TOLERANCE  # Not a bridge over the cup.
+    below = shapely.intersects(face_polygons, hole) & ~is_cut & is_above_bottom & is_below_rim
     if below.any():
         raise CourseError(
             f"cup depth: expected a floor thicker than {cup.depth + CUP_LINER_THICKNESS:g} m under the cup, "

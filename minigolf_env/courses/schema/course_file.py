@@ -68,7 +68,7 @@ class CourseFile(Record):
     """Gravitational acceleration (x, y, z), m/s^2."""
     bounds: tuple[PointXYZ, PointXYZ] | None = None
     """Lower and upper corner (x, y, z) of the box outside which the ball is out of bounds, m. Default: the lanes and
-    their borders, from 0.3 m below the lowest ``level`` to 2 m above the highest, whatever their heights."""
+    their borders, from 0.3 m below the lowest ``level`` to 2 m above the highest, and at least all parts."""
     route: Annotated[tuple[PointXY, ...], Field(max_length=200, fail_fast=True)] = ()
     """Corners (x, y) of the route from the tee to the cup, m."""
     tee: TeeRecord
