@@ -2,16 +2,27 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import json
 import math
 import time
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.vec_env import VecMonitor
 
-from agents.training_run import RICH_CONSOLE, TrainConfig, load_checkpoint
+from agents.training_run import (
+    NO_FOLDER,
+    RICH_CONSOLE,
+    TrainConfig,
+    initialize_model,
+    load_checkpoint,
+    make_sb3_envs,
+)
 from minigolf_env._atomic_io import atomic_write, write_text
 from minigolf_env.evaluation.evaluate import EvaluationResult, evaluate
 from minigolf_env.evaluation.report import print_evaluations, write_json_report
@@ -27,6 +38,23 @@ def load_best(model: BaseAlgorithm, config: TrainConfig, folder: Path) -> SB3Pol
     return SB3Policy(model, config.observation)
 
 
+def check_sb3_model(
+    make_model: Callable[[Any, VecMonitor], BaseAlgorithm], config: TrainConfig, folder: Path | None
+) -> None:
+    """Make a model and load the initial weights into it, or the files of the run folder that is resumed.
+
+    Raises:
+        Exception: that cannot be done; libraries raise errors of many kinds.
+    """
+    with contextlib.closing(make_sb3_envs(config)) as envs:
+        model = make_model(config, envs)
+        initialize_model(model, config, folder or NO_FOLDER)
+        if folder is not None:
+            history = EvaluationHistory(config, folder)
+            if history.rows:
+                load_best(model, config, folder)
+
+
 class EvaluationHistory:
     """Evaluations of a run's checkpoints, on fixed episodes; stored in progress.json."""
 
@@ -34,6 +62,8 @@ class EvaluationHistory:
         self._config = config
         self._path = folder / "progress.json"
         self.rows: list[dict[str, float]] = json.loads(self._path.read_text()) if self._path.is_file() else []
+        if not all(isinstance(row["strokes"], (int, float)) for row in self.rows):
+            raise ValueError(f"{self._path}: expected the evaluations of a run, received others")
 
     @property
     def best_strokes(self) -> float:

@@ -34,7 +34,14 @@ from torch.nn.functional import binary_cross_entropy_with_logits, mse_loss, soft
 
 from agents.putt_collector import PuttCollector
 from agents.run_evaluation import EVALUATION_METRICS, EvaluationHistory, finish_run
-from agents.training_run import RICH_CONSOLE, TrainConfig, make_vector_env, save_on_interrupt, start_run
+from agents.training_run import (
+    NO_FOLDER,
+    RICH_CONSOLE,
+    TrainConfig,
+    make_vector_env,
+    save_on_interrupt,
+    start_run,
+)
 from minigolf_env._atomic_io import atomic_write
 from minigolf_env.courses.procedural import PROCEDURAL_COURSE
 from minigolf_env.evaluation.evaluate import EvaluationResult
@@ -145,6 +152,10 @@ class QLearner:
         elif config.init_weights is not None:
             self.load_weights(config.init_weights)
         self.last_saved = self.num_timesteps
+
+    def start(self) -> None:
+        """Make the environments, the replay buffer and the log."""
+        config = self.config
         # Collecting and learning run at the same time, each with a generator. A resumed run draws other levels.
         collector_rng, buffer_rng = np.random.default_rng((config.seed, self.num_timesteps)).spawn(2)
         self.buffer = ReplayBuffer(config.buffer_size, buffer_rng)
@@ -155,7 +166,7 @@ class QLearner:
             greedy_prob=config.greedy_prob,
             putt_noise=config.putt_noise,
         )
-        self.logger = configure(str(folder / "log"), ["tensorboard"])
+        self.logger = configure(str(self.folder / "log"), ["tensorboard"])
 
     @property
     def checkpoint_path(self) -> Path:
@@ -263,6 +274,17 @@ class QLearner:
         self.logger.dump(self.num_timesteps)
 
 
+def check_learner(config: GeneralistConfig, folder: Path | None) -> None:
+    """Load the initial weights, or the checkpoint and the best model of the run folder that is resumed.
+
+    Raises:
+        Exception: that cannot be done; libraries raise errors of many kinds.
+    """
+    learner = QLearner(config, folder or NO_FOLDER)
+    if learner.history.rows:
+        ModelPolicy(learner.folder / "best.npz")
+
+
 def main(config: GeneralistConfig) -> list[EvaluationResult]:
     """Train one model, evaluate its best checkpoint, and print a table of the results for each difficulty.
 
@@ -278,9 +300,10 @@ def main(config: GeneralistConfig) -> list[EvaluationResult]:
         raise SystemExit(
             f"difficulty: expected none, received {config.difficulty!r}; give --difficulties, one or more."
         )
-    config, folder = start_run(config)
+    config, folder = start_run(config, check_learner)
     torch.set_num_threads(1)  # The network is tiny, and the environments run in another thread.
     learner = QLearner(config, folder)
+    learner.start()
     with save_on_interrupt(folder, learner.save_checkpoint):
         learner.learn()
         learner.save_and_evaluate()

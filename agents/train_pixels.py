@@ -6,16 +6,19 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import time
 from dataclasses import dataclass
 
 import gymnasium as gym
 import torch
 import tyro
+from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback, ProgressBarCallback
 from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
+from stable_baselines3.common.vec_env import VecMonitor
 
-from agents.run_evaluation import EvalCheckpointCallback, finish_run, load_best
+from agents.run_evaluation import EvalCheckpointCallback, check_sb3_model, finish_run, load_best
 from agents.train_ppo import LogStdSchedule, PPOConfig, make_model
 from agents.training_run import (
     initialize_model,
@@ -72,6 +75,12 @@ class SmallCNN(BaseFeaturesExtractor):
         return features
 
 
+def make_pixel_model(config: PixelsConfig, envs: VecMonitor) -> PPO:
+    """Return a new model with a small convolutional network."""
+    cnn = {"features_extractor_class": SmallCNN, "features_extractor_kwargs": {"features_dim": config.features_dim}}
+    return make_model(config, envs, "CnnPolicy", **cnn)
+
+
 def main(config: PixelsConfig) -> list[EvaluationResult]:
     """Train one model, evaluate its best checkpoint, and print a table of the results.
 
@@ -80,11 +89,10 @@ def main(config: PixelsConfig) -> list[EvaluationResult]:
     """
     started = time.monotonic()
     torch.set_num_threads(1)  # A second thread mostly waits for the first, at full load.
-    config, folder = start_run(config)
+    config, folder = start_run(config, functools.partial(check_sb3_model, make_pixel_model))
 
     envs = make_sb3_envs(config)
-    cnn = {"features_extractor_class": SmallCNN, "features_extractor_kwargs": {"features_dim": config.features_dim}}
-    model = make_model(config, envs, "CnnPolicy", **cnn)
+    model = make_pixel_model(config, envs)
     initialize_model(model, config, folder)
     checkpoints = EvalCheckpointCallback(config, folder, model)
     callbacks: list[BaseCallback] = [checkpoints, ProgressBarCallback()]

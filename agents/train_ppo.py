@@ -7,6 +7,7 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import time
 from dataclasses import dataclass, replace
 from typing import Any, Literal, cast
@@ -18,7 +19,7 @@ from stable_baselines3.common.callbacks import BaseCallback, ProgressBarCallback
 from stable_baselines3.common.utils import LinearSchedule
 from stable_baselines3.common.vec_env import VecMonitor
 
-from agents.run_evaluation import EvalCheckpointCallback, finish_run, load_best
+from agents.run_evaluation import EvalCheckpointCallback, check_sb3_model, finish_run, load_best
 from agents.training_run import (
     RICH_CONSOLE,
     TrainConfig,
@@ -145,7 +146,7 @@ def main(config: PPOConfig) -> list[EvaluationResult]:
     torch.set_num_threads(1)  # The networks are tiny: a second thread only waits for the first, at full load.
 
     # Create the run folder, or reopen the one to resume.
-    config, folder = start_run(config)
+    config, folder = start_run(config, functools.partial(check_sb3_model, make_model))
 
     # Create environments, model and callbacks.
     envs = make_sb3_envs(config)

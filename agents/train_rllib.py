@@ -26,9 +26,16 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.logger import configure
 
 from agents.cluster import connect, import_ray
-from agents.run_evaluation import EvalCheckpointCallback, finish_run
+from agents.run_evaluation import EvalCheckpointCallback, EvaluationHistory, finish_run
 from agents.train_ppo import PPOHyperparameters
-from agents.training_run import RICH_CONSOLE, read_config, save_on_interrupt, start_run
+from agents.training_run import (
+    NO_FOLDER,
+    RICH_CONSOLE,
+    read_config,
+    save_on_interrupt,
+    start_run,
+    validate_config,
+)
 from minigolf_env._atomic_io import commit
 from minigolf_env.courses import load_course
 from minigolf_env.courses.procedural import PROCEDURAL_COURSE
@@ -275,6 +282,11 @@ def address_of(config: RLlibConfig) -> str | None:
     return config.address
 
 
+def check_history(config: RLlibConfig, folder: Path | None) -> None:
+    """Read the evaluations of the run folder that is resumed, or raise an error."""
+    EvaluationHistory(config, folder or NO_FOLDER)
+
+
 def main(config: RLlibConfig) -> list[EvaluationResult]:
     """Train one model, evaluate its best checkpoint, and print a table of the results.
 
@@ -283,17 +295,16 @@ def main(config: RLlibConfig) -> list[EvaluationResult]:
             one line.
     """
     started = time.monotonic()
-    address = address_of(config)
-    import_ray(address)  # Fails here where Ray is missing, before a folder is created.
-    if config.num_env_runners < 1 or config.num_learners < 0:
-        raise SystemExit("num_env_runners: expected at least 1; num_learners: at least 0.")
     if config.observation == "pixels":
         raise SystemExit(
             'observation: expected "state", "rays" or "bounce_rays", received "pixels"; use agents.train_pixels.'
         )
     if config.init_weights is not None:
         raise SystemExit(f"init_weights: expected none, received {config.init_weights}; use agents.train_ppo.")
-    config, folder = start_run(config)
+    validate_config(config if config.resume is None else read_config(RLlibConfig, config.resume))
+    address = address_of(config)
+    import_ray(address)  # Fails here where Ray is missing, before a folder is created.
+    config, folder = start_run(config, check_history)
     config = dataclasses.replace(config, address=address)
     train(config, folder)
     best_model = folder / "best.zip"

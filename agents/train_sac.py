@@ -7,6 +7,7 @@ a minute: agents/train_ppo.py is the sample to start from.
 from __future__ import annotations
 
 import contextlib
+import functools
 import time
 from dataclasses import dataclass
 
@@ -16,7 +17,7 @@ from stable_baselines3 import SAC
 from stable_baselines3.common.callbacks import ProgressBarCallback
 from stable_baselines3.common.vec_env import VecMonitor
 
-from agents.run_evaluation import EvalCheckpointCallback, finish_run, load_best
+from agents.run_evaluation import EvalCheckpointCallback, check_sb3_model, finish_run, load_best
 from agents.training_run import (
     TrainConfig,
     initialize_model,
@@ -73,7 +74,7 @@ def main(config: SACConfig) -> list[EvaluationResult]:
     """
     started = time.monotonic()
     torch.set_num_threads(1)  # The networks are tiny: a second thread only waits for the first, at full load.
-    config, folder = start_run(config)
+    config, folder = start_run(config, functools.partial(check_sb3_model, make_model))
 
     envs = make_sb3_envs(config)
     model = make_model(config, envs)

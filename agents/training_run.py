@@ -21,11 +21,14 @@ import contextlib
 import dataclasses
 import itertools
 import json
+import os
+import shutil
+import uuid
 import zipfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import gymnasium as gym
 from rich.console import Console
@@ -34,13 +37,18 @@ from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from stable_baselines3.common.save_util import load_from_zip_file
 from stable_baselines3.common.vec_env import VecMonitor
 
+from agents.config_check import check_ranges, check_types
 from agents.sb3_vec_env import SB3VecEnv
-from minigolf_env._atomic_io import remove_stale_temps, write_text
+from minigolf_env._atomic_io import commit, remove_stale_temps
 from minigolf_env.evaluation import FIRST_EVALUATION_SEED, NUM_EVALUATION_SEEDS
 from minigolf_env.players.model_files import check_sb3_file
 
 RICH_CONSOLE = Console()
 """Console of all output, so that it does not break the progress bars."""
+
+
+NO_FOLDER = Path(os.devnull, "run")
+"""Run folder that cannot exist: that of a run that is only checked."""
 
 
 @dataclass(frozen=True)
@@ -99,8 +107,13 @@ class TrainConfig:
 Config = TypeVar("Config", bound=TrainConfig)
 
 
-def start_run(config: Config) -> tuple[Config, Path]:
-    """Create the folder of a new run, or reopen the folder ``config.resume``.
+def start_run(config: Config, check_model: Callable[[Config, Path | None], None]) -> tuple[Config, Path]:
+    """Create the folder of a new run, or reopen the folder ``config.resume``, after all arguments have been checked.
+
+    Args:
+        config: configuration of the run.
+        check_model: makes the model of a configuration, with the initial weights or the checkpoint of a run folder, and
+            raises an error if that cannot be done.
 
     Returns:
         The configuration (when a run is resumed, the one stored in its folder) and the folder.
@@ -108,15 +121,17 @@ def start_run(config: Config) -> tuple[Config, Path]:
     Raises:
         SystemExit: an argument is invalid or the folder cannot be used; the message is one line.
     """
-    if config.resume is not None:
-        stored_config = read_config(type(config), config.resume)
-        remove_stale_temps(config.resume)
-        return stored_config, config.resume
+    folder = config.resume
+    if folder is not None:
+        config = read_config(type(config), folder)
     validate_config(config)
-    stored = {**dataclasses.asdict(config), "out": None, "resume": None}
+    if folder is not None or config.init_weights is not None:
+        with one_line_errors("resume" if folder is not None else "init_weights"):
+            check_model(config, folder)
     try:
-        folder = create_run_folder(config)
-        write_text(folder / "config.json", json.dumps(stored, indent=2, default=str))
+        if folder is None:
+            return config, create_run_folder(config)
+        remove_stale_temps(folder)
     except OSError as error:
         raise SystemExit(f"out: expected a folder to write to, received {error}; choose another folder.") from None
     return config, folder
@@ -125,9 +140,10 @@ def start_run(config: Config) -> tuple[Config, Path]:
 def validate_config(config: TrainConfig) -> None:
     """Raise SystemExit with a one-line message if an argument is invalid, before any file is written."""
     # Check the numbers; training, checkpoints and the final evaluation use different levels.
-    for name in ("n_eval_episodes", "n_test_episodes"):
-        if getattr(config, name) < 1:
-            raise SystemExit(f"{name}: expected at least 1, received {getattr(config, name)}.")
+    try:
+        check_ranges(config)
+    except ValueError as error:
+        raise SystemExit(str(error)) from error
     max_levels = min(config.eval_seed, FIRST_EVALUATION_SEED)
     if config.num_levels is not None and not 0 < config.num_levels <= max_levels:
         raise SystemExit(
@@ -154,26 +170,35 @@ def validate_config(config: TrainConfig) -> None:
 
 
 def create_run_folder(config: TrainConfig) -> Path:
-    """Create the run folder and return it; an existing run is never overwritten, even if two runs start together.
+    """Create the run folder with its configuration and return it; an existing folder is never overwritten.
+
+    The folder appears with its configuration in it: a program that is killed leaves a run that can be resumed, or none.
 
     Raises:
         SystemExit: the folder ``config.out`` exists.
         OSError: the folder cannot be created.
     """
-    if config.out is not None:
-        try:
-            config.out.mkdir(parents=True)
-        except FileExistsError:
-            raise SystemExit(f"out: expected a new folder, {config.out} exists; {resume_hint(config.out)}") from None
-        return config.out
-    parent = Path("runs")
-    parent.mkdir(exist_ok=True)
-    for number in itertools.count(1):
-        folder = parent / f"{Path(config.course).stem}-{number}"
-        with contextlib.suppress(FileExistsError):
-            folder.mkdir()
-            break
-    return folder
+    stored = {**dataclasses.asdict(config), "out": None, "resume": None}
+    parent = Path("runs") if config.out is None else config.out.parent
+    parent.mkdir(parents=True, exist_ok=True)
+    temporary = parent / f".new-run-{uuid.uuid4().hex}"
+    temporary.mkdir()
+    try:
+        (temporary / "config.json").write_text(json.dumps(stored, indent=2, default=str), encoding="utf-8")
+        if config.out is not None:
+            if os.path.lexists(config.out):
+                raise SystemExit(f"out: expected a new folder, {config.out} exists; {resume_hint(config.out)}")
+            commit(temporary, config.out)
+            return config.out
+        for number in itertools.count(1):
+            folder = parent / f"{Path(config.course).stem}-{number}"
+            if not os.path.lexists(folder):
+                with contextlib.suppress(OSError):  # Another run took the name at the same time.
+                    commit(temporary, folder)
+                    return folder
+        raise AssertionError("unreachable: the numbers do not end")
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
 
 
 def read_config(config_class: type[Config], folder: Path) -> Config:
@@ -183,20 +208,32 @@ def read_config(config_class: type[Config], folder: Path) -> Config:
         SystemExit: the folder has no configuration, it cannot be read, or it belongs to another program.
     """
     path = folder / "config.json"
-    if not path.is_file():
-        raise SystemExit(f"resume: expected the folder of a run, {folder} has no {path.name}.")
     try:
+        if not path.is_file():
+            raise SystemExit(f"resume: expected the folder of a run, {folder} has no {path.name}.")
         stored = json.loads(path.read_text())
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise SystemExit(
             f"resume: expected the configuration of a run in {path}, received {error}; start a new run."
         ) from error
     if not isinstance(stored, dict) or stored.keys() != {field.name for field in dataclasses.fields(config_class)}:
         raise SystemExit(f"resume: expected a run of this program, {folder} has the configuration of another.")
-    values: dict[str, Any] = {
-        name: tuple(value) if isinstance(value, list) else value for name, value in stored.items()
-    }
-    return config_class(**values)
+    try:
+        return cast(Config, check_types(config_class, stored))
+    except ValueError as error:
+        raise SystemExit(f"resume: expected the configuration of a run in {path}, {error} Start a new run.") from error
+
+
+@contextlib.contextmanager
+def one_line_errors(argument: str) -> Iterator[None]:
+    """End the program with one line if the block raises an error: libraries raise errors of many kinds on bad files."""
+    try:
+        yield
+    except Exception as error:
+        text = " ".join(str(error).split()) or type(error).__name__
+        raise SystemExit(
+            f"{argument}: expected an intact model of this program and observation, received {text:.300}"
+        ) from error
 
 
 def resume_hint(folder: Path) -> str:

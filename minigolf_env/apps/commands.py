@@ -196,7 +196,8 @@ def evaluate(
         course: a hole's name or file, "round" for nine holes in turn, or "procedural" for levels.
         difficulty: difficulty of levels: easy, medium or hard.
         episodes: number of episodes.
-        first_seed: seed, or level, of the first episode; the next has one more. Also the seed of a random policy.
+        first_seed: seed of the first episode, and of a random policy; on levels, the number of the first level. Each
+            further episode has the next number.
         max_strokes: largest number of strokes of an episode.
         putt_noise: standard deviations of direction (degrees) and speed (fraction of it).
         watch: show the putts in a window.

@@ -40,7 +40,9 @@ class SingleTask:
     def get(self, index: Any) -> Task:
         """Raise a ValueError: the course has no levels."""
         name = self._task.course.name
-        raise ValueError(f"level: expected none on the course {name!r}, received {index!r}; 'procedural' has.")
+        raise ValueError(
+            f"level: expected none on the course {name!r}, received {index!r:.80}; only course='procedural' has levels."
+        )
 
 
 @dataclass(frozen=True)

@@ -109,11 +109,16 @@ def _evaluate_set(policy: Policy, level_set: str, levels: range, env_args: dict[
     if isinstance(policy, BatchPolicy):
         envs = MiniGolfVectorEnv(len(levels), PROCEDURAL_COURSE, start_level=levels.start, num_levels=1, **env_args)
         results = run_episodes_batched(envs, policy, None, {"level": list(levels)})
-    return _summarize(env_args["difficulty"], level_set, levels.start, results, references)
+    return _summarize(env_args["difficulty"], level_set, levels.start, results, references, env_args["max_strokes"])
 
 
 def _summarize(
-    difficulty: str, level_set: str, first: int, results: list[EpisodeResult], references: list[int]
+    difficulty: str,
+    level_set: str,
+    first: int,
+    results: list[EpisodeResult],
+    references: list[int],
+    max_strokes: int,
 ) -> LevelSetResult:
     strokes = np.array([episode.strokes for episode in results])
     num_holed = sum(episode.holed for episode in results)
@@ -123,9 +128,9 @@ def _summarize(
         first_level=first,
         num_levels=len(results),
         strokes=float(strokes.mean()),
-        strokes_interval=mean_interval(strokes),
+        strokes_interval=mean_interval(strokes, 1.0, max_strokes),
         relative=float(strokes.mean() / np.mean(references)),
-        relative_interval=ratio_interval(strokes, references),
+        relative_interval=ratio_interval(strokes, references, 1.0 / max_strokes, max_strokes),
         holed=num_holed / len(results),
         holed_interval=wilson_interval(num_holed, len(results)),
         by_level=tuple(results),

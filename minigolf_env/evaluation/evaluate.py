@@ -127,7 +127,7 @@ def evaluate(
         max_strokes=max_strokes,
         putt_noise=putt_noise,
         strokes=float(strokes.mean()),
-        strokes_interval=mean_interval(strokes),
+        strokes_interval=mean_interval(strokes, 1.0, max_strokes),
         holed=float(holed.mean()),
         holed_interval=wilson_interval(int(holed.sum()), episodes),
         hole_in_one=num_holes_in_one / episodes,

@@ -10,6 +10,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+from rich import box
 from rich.console import Console
 from rich.table import Table
 
@@ -19,6 +20,9 @@ from minigolf_env.courses.procedural import GENERATOR_VERSION
 from minigolf_env.evaluation.benchmark import LevelSetResult
 from minigolf_env.evaluation.evaluate import EvaluationResult
 from minigolf_env.evaluation.statistics import Interval
+
+PERCENT_ROUNDOFF = 1e-9
+"""Rounding error of a percentage, which must not move the end of an interval to the next number."""
 
 
 def write_json_report(path: Path, *libraries: str, **report: Any) -> None:
@@ -52,7 +56,7 @@ def print_evaluations(results: Sequence[EvaluationResult]) -> None:
     first = results[0]
     noise = "noise of {:g} degrees and {:.1%}, ".format(*first.putt_noise) if any(first.putt_noise) else ""
     course = first.course if first.difficulty is None else f"{first.course}, {first.difficulty}"
-    table = Table(title=f"{course}: {noise}fixed seeds, [95 % confidence intervals]")
+    table = _new_table(f"{course}: {noise}fixed seeds, [95 % confidence intervals]")
     for column in ("policy", "episodes", "mean strokes", "holed out", "hole-in-one"):
         table.add_column(column, justify="left" if column == "policy" else "right")
     for result in results:
@@ -68,14 +72,13 @@ def print_evaluations(results: Sequence[EvaluationResult]) -> None:
 
 def print_benchmark(policy: str, results: Sequence[LevelSetResult]) -> None:
     """Print the benchmark of a policy as one table, a row for each set of levels."""
-    table = Table(title=f"{policy} on levels v{GENERATOR_VERSION}, [95 % confidence intervals]")
-    for column in ("difficulty", "levels", "episodes", "mean strokes", "relative to search", "holed out"):
-        table.add_column(column, justify="left" if column in ("difficulty", "levels") else "right")
+    count = results[0].num_levels
+    table = _new_table(f"{policy} on {count} levels (v{GENERATOR_VERSION}) a row, [95 % confidence intervals]")
+    for column in ("levels", "mean strokes", "relative to search", "holed out"):
+        table.add_column(column, justify="left" if column == "levels" else "right")
     for result in results:
         table.add_row(
-            result.difficulty,
-            result.level_set,
-            str(result.num_levels),
+            f"{result.difficulty}, {result.level_set}",
             format_with_interval(result.strokes, result.strokes_interval),
             format_with_interval(result.relative, result.relative_interval),
             format_percentage(result.holed, result.holed_interval),
@@ -102,5 +105,12 @@ def format_with_interval(value: float, interval: Interval) -> str:
 
 
 def format_percentage(fraction: float, interval: Interval) -> str:
-    """Return a fraction and its interval as text, in percent: 91.0% [86, 94]."""
-    return f"{fraction:.1%} [{100 * interval[0]:.0f}, {100 * interval[1]:.0f}]"
+    """Return a fraction and its interval, rounded outwards, as text in percent: 91.0% [86, 95]."""
+    low = math.floor(100.0 * interval[0] + PERCENT_ROUNDOFF)
+    high = math.ceil(100.0 * interval[1] - PERCENT_ROUNDOFF)
+    return f"{fraction:.1%} [{low}, {high}]"
+
+
+def _new_table(title: str) -> Table:
+    """Return a table without lines between its columns: its rows fit into 80 columns."""
+    return Table(title=title, box=box.SIMPLE, padding=(0, 1, 0, 0), pad_edge=False)

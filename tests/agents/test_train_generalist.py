@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 import torch
 
-from agents import train_generalist, train_ppo
+from agents import train_generalist, train_ppo, train_rllib
 from agents.train_generalist import GeneralistConfig, QLearner
 from agents.train_ppo import PPOConfig
+from agents.train_rllib import RLlibConfig
 from minigolf_env.evaluation.evaluate import evaluate
 from minigolf_env.players.model_files import load_model
 from minigolf_env.players.policies import ModelPolicy
@@ -75,6 +76,7 @@ def test_same_seed_gives_same_generalist_bitwise(tmp_path: Path) -> None:
         folder = tmp_path / name
         folder.mkdir()
         learner = QLearner(dataclasses.replace(TINY, seed=seed), folder)
+        learner.start()
         learner.learn()
         learner.save_model("model.npz")
         models.append((folder / "model.npz").read_bytes())
@@ -94,6 +96,7 @@ def test_q_function_learns_which_putts_hole_out(tmp_path: Path) -> None:
         difficulties=("easy",),
     )
     learner = QLearner(config, tmp_path)
+    learner.start()
     for _ in range(100):
         learner.buffer.add(*learner.collector.collect(learner.q_function))
         learner.update(4)
@@ -117,4 +120,26 @@ def test_invalid_arguments_create_no_folder(invalid: dict[str, Any], message: st
     """Arguments are checked before anything is written."""
     with pytest.raises(SystemExit, match=message):
         train_generalist.main(dataclasses.replace(TINY, **invalid, out=tmp_path / "run"))
+    assert not list(tmp_path.iterdir())
+
+
+def test_damaged_run_ends_with_one_line(tmp_path: Path) -> None:
+    """A truncated checkpoint, and initial weights of another network, are errors before anything changes."""
+    train_generalist.main(dataclasses.replace(TINY, out=tmp_path / "run"))
+    checkpoint = tmp_path / "run" / "checkpoint.pt"
+    checkpoint.write_bytes(checkpoint.read_bytes()[:100])
+    with pytest.raises(SystemExit, match="^resume: expected an intact model"):
+        train_generalist.main(GeneralistConfig(resume=tmp_path / "run"))
+    weights = tmp_path / "run" / "best.npz"
+    config = dataclasses.replace(TINY, out=tmp_path / "new", net_arch=(3,), init_weights=weights)
+    with pytest.raises(SystemExit, match=r"^init_weights: expected a model with layers .*--net-arch"):
+        train_generalist.main(config)
+    assert not (tmp_path / "new").exists()
+
+
+def test_rllib_arguments_are_checked_before_ray_is_imported(tmp_path: Path) -> None:
+    """A number out of its range is named where Ray is not installed, too."""
+    for name, value in (("n_envs", 0), ("num_env_runners", 0), ("gamma", 2.0), ("num_learners", -1)):
+        with pytest.raises(SystemExit, match=f"^{name}: expected a number"):
+            train_rllib.main(dataclasses.replace(RLlibConfig(), out=tmp_path / "run", **{name: value}))
     assert not list(tmp_path.iterdir())

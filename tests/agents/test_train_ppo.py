@@ -5,12 +5,16 @@ from __future__ import annotations
 import base64
 import dataclasses
 import json
+import math
 import pickle
+import shutil
 import zipfile
+from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import gymnasium as gym
 import pytest
 import torch
 from stable_baselines3 import PPO
@@ -18,7 +22,7 @@ from stable_baselines3 import PPO
 from agents import train_ppo
 from agents.run_evaluation import EvalCheckpointCallback
 from agents.train_ppo import LogStdSchedule, PPOConfig
-from agents.training_run import create_run_folder, save_on_interrupt, start_run
+from agents.training_run import TrainConfig, create_run_folder, save_on_interrupt, start_run
 
 TINY = PPOConfig(
     total_timesteps=256,
@@ -194,8 +198,17 @@ def test_rejects_resuming_damaged_configuration(tmp_path: Path, text: str) -> No
 def test_rejects_folder_that_cannot_be_created(tmp_path: Path) -> None:
     """The message has the system's reason and what to do."""
     (tmp_path / "file").touch()
-    with pytest.raises(SystemExit, match=r"out: .*Not a directory.*choose another folder"):
-        start_run(dataclasses.replace(TINY, out=tmp_path / "file" / "run"))
+    with pytest.raises(SystemExit, match=r"out: expected a folder to write to, received .*choose another folder"):
+        start_run(dataclasses.replace(TINY, out=tmp_path / "file" / "run"), accept_any_model)
+    (tmp_path / "loop").symlink_to(tmp_path / "loop")
+    for out in (tmp_path / "loop", tmp_path / "loop" / "run", tmp_path / ("x" * 300)):
+        with pytest.raises(SystemExit, match=r"out: expected"):
+            start_run(dataclasses.replace(TINY, out=out), accept_any_model)
+    assert {path.name for path in tmp_path.iterdir()} == {"file", "loop"}
+
+
+def accept_any_model(config: TrainConfig, folder: Path | None) -> None:
+    """Accept any model."""
 
 
 @pytest.mark.parametrize(
@@ -224,15 +237,143 @@ def test_invalid_arguments_create_no_folder(invalid: dict[str, Any], message: st
 def test_simultaneous_runs_get_different_folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The slower of two programs takes the next free name if the other one has just created its folder."""
     monkeypatch.chdir(tmp_path)
-    mkdir = Path.mkdir
+    replace = Path.replace
 
-    def mkdir_too_late(path: Path, *args: Any, **options: Any) -> None:
-        if path.name == "dogleg-1":
-            mkdir(path, parents=True, exist_ok=True)
-        mkdir(path, *args, **options)
+    def replace_too_late(path: Path, target: Path) -> Path:
+        if target.name == "dogleg-1":
+            target.mkdir()
+            (target / "config.json").touch()
+        return replace(path, target)
 
-    monkeypatch.setattr(Path, "mkdir", mkdir_too_late)
+    monkeypatch.setattr(Path, "replace", replace_too_late)
     assert create_run_folder(TINY) == Path("runs/dogleg-2")
+    assert sorted(path.name for path in Path("runs").iterdir()) == ["dogleg-1", "dogleg-2"]
+
+
+@pytest.mark.parametrize("moment", ["mkdir", "write_text", "replace"])
+def test_run_that_is_killed_while_its_folder_is_made_leaves_none(
+    moment: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A run folder appears with its configuration in it, so that the run can be resumed, or it does not appear."""
+    method = getattr(Path, moment)
+
+    def die(path: Path, *args: Any, **options: Any) -> None:
+        if path.parent == tmp_path or path.parent.parent == tmp_path:
+            raise KeyboardInterrupt
+        method(path, *args, **options)
+
+    config = dataclasses.replace(TINY, out=tmp_path / "run")
+    monkeypatch.setattr(Path, moment, die)
+    with pytest.raises(KeyboardInterrupt):
+        create_run_folder(config)
+    monkeypatch.undo()
+    assert not (tmp_path / "run").exists()
+    assert json.loads((create_run_folder(config) / "config.json").read_text())["course"] == "dogleg"
+
+
+INVALID_NUMBERS = [
+    ("n_envs", 0),
+    ("batch_size", 0),
+    ("batch_size", 1),
+    ("seed", -1),
+    ("seed", 2**40),
+    ("gamma", math.nan),
+    ("gamma", 1.5),
+    ("learning_rate", -1e-3),
+    ("learning_rate", math.inf),
+    ("total_timesteps", 0),
+    ("eval_freq", 0),
+    ("n_epochs", 0),
+    ("n_steps", -3),
+    ("clip_range", 0.0),
+    ("log_std_init", math.nan),
+    ("net_arch", (64, 0)),
+    ("n_search_episodes", -1),
+]
+
+
+@pytest.mark.parametrize(("name", "value"), INVALID_NUMBERS)
+def test_number_out_of_its_range_is_named_before_anything_is_made(name: str, value: Any, tmp_path: Path) -> None:
+    """One line names the argument and its range, and no folder is left."""
+    config = dataclasses.replace(TINY, out=tmp_path / "run", **{name: value})
+    with pytest.raises(SystemExit, match=f"^{name}: expected a number "):
+        train_ppo.main(config)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("content", [b"", b"not a model", b"PK\x03\x04 truncated"])
+def test_faulty_initial_weights_leave_no_folder(content: bytes, tmp_path: Path) -> None:
+    """The same folder can be used once the argument is right."""
+    weights = tmp_path / "weights.zip"
+    weights.write_bytes(content)
+    with pytest.raises(SystemExit, match=r"^init_weights: expected an intact model"):
+        train_ppo.main(dataclasses.replace(TINY, out=tmp_path / "run", init_weights=weights))
+    assert list(tmp_path.iterdir()) == [weights]
+
+
+def test_initial_weights_of_another_observation_leave_no_folder(tmp_path: Path) -> None:
+    """A model that was trained on other inputs is an error before the folder is made."""
+    envs = gym.make("MiniGolf-v0", observation="rays")
+    PPO("MlpPolicy", envs, policy_kwargs={"net_arch": list(TINY.net_arch)}).save(tmp_path / "rays.zip")
+    with pytest.raises(SystemExit, match=r"^init_weights: expected an intact model of this program and observation"):
+        train_ppo.main(dataclasses.replace(TINY, out=tmp_path / "run", init_weights=tmp_path / "rays.zip"))
+    assert not (tmp_path / "run").exists()
+
+
+DAMAGES: dict[str, Callable[[Path], object]] = {
+    "no configuration": lambda run: (run / "config.json").unlink(),
+    "empty configuration": lambda run: (run / "config.json").write_text(""),
+    "truncated configuration": lambda run: (run / "config.json").write_text('{"course": "dogl'),
+    "configuration of another program": lambda run: (run / "config.json").write_text("{}"),
+    "configuration that is a list": lambda run: (run / "config.json").write_text("[1]"),
+    "number as text": lambda run: change_config(run, n_envs="many"),
+    "number out of range": lambda run: change_config(run, gamma=7.0),
+    "unknown course": lambda run: change_config(run, course="doglegg"),
+    "other observation": lambda run: change_config(run, observation="rays"),
+    "other network": lambda run: change_config(run, net_arch=[3]),
+    "empty checkpoint": lambda run: (run / "checkpoint.zip").write_bytes(b""),
+    "truncated checkpoint": lambda run: truncate(run / "checkpoint.zip"),
+    "truncated best model": lambda run: truncate(run / "best.zip"),
+    "no best model": lambda run: (run / "best.zip").unlink(),
+    "truncated evaluations": lambda run: truncate(run / "progress.json"),
+    "evaluations of another kind": lambda run: (run / "progress.json").write_text('[{"score": 1}]'),
+}
+"""Ways to damage a run folder."""
+
+
+def change_config(run: Path, **changes: Any) -> None:
+    """Change arguments in the stored configuration of a run."""
+    path = run / "config.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | changes))
+
+
+def truncate(path: Path) -> None:
+    """Cut a file in half."""
+    content = path.read_bytes()
+    path.write_bytes(content[: len(content) // 2])
+
+
+@pytest.fixture(scope="module")
+def finished_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the folder of a tiny run."""
+    folder = tmp_path_factory.mktemp("runs") / "run"
+    train_ppo.main(dataclasses.replace(TINY, out=folder, n_test_episodes=1, n_search_episodes=0))
+    return folder
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_damaged_run_folder_ends_with_one_line_and_stays_as_it_is(
+    damage: str, finished_run: Path, tmp_path: Path
+) -> None:
+    """--resume checks all that it needs before it changes anything."""
+    run = tmp_path / "run"
+    shutil.copytree(finished_run, run)
+    DAMAGES[damage](run)
+    before = {path: path.read_bytes() for path in run.rglob("*") if path.is_file()}
+    with pytest.raises(SystemExit) as stop:
+        train_ppo.main(PPOConfig(resume=run))
+    assert isinstance(stop.value.code, str) and "\n" not in stop.value.code and "expected" in stop.value.code
+    assert {path: path.read_bytes() for path in run.rglob("*") if path.is_file()} == before
 
 
 def test_interrupt_on_full_disk_ends_with_one_line(tmp_path: Path) -> None:

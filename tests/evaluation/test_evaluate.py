@@ -131,8 +131,8 @@ def test_round_is_played_hole_by_hole() -> None:
 
 
 def test_report_of_single_episode_is_valid_json(tmp_path: Path) -> None:
-    """The infinite ends of its interval are written as null. The folder of the file is made."""
+    """Its interval is that of all possible scores. The folder of the file is made."""
     file = tmp_path / "new" / "score.json"
     commands.evaluate("search", episodes=1, json=file)
     score = json.loads(file.read_text(), parse_constant=lambda name: pytest.fail(f"{name} is no JSON"))
-    assert score["strokes_interval"] == [None, None] and score["difficulty"] is None
+    assert score["strokes_interval"] == [1.0, 10.0] and score["difficulty"] is None

@@ -7,6 +7,9 @@ import math
 import numpy as np
 import pytest
 
+from minigolf_env.evaluation.benchmark import LevelSetResult
+from minigolf_env.evaluation.evaluate import EvaluationResult
+from minigolf_env.evaluation.report import format_percentage, print_benchmark, print_evaluations
 from minigolf_env.evaluation.statistics import NORMAL_QUANTILE_95, mean_interval, ratio_interval, wilson_interval
 
 
@@ -41,3 +44,61 @@ def test_ratio_interval_is_inverse_to_scale_of_references(scale: float) -> None:
     assert ratio_interval(scale * values, references) == (low * scale, high * scale)
     margin = NORMAL_QUANTILE_95 * np.std(values - values.mean() / references.mean() * references, ddof=1) / 10.0
     assert high - low == pytest.approx(2.0 * margin / references.mean())
+
+
+def test_interval_stays_within_possible_values() -> None:
+    """A single value tells nothing: its interval is that of all possible values."""
+    assert mean_interval([3.0], 1.0, 10.0) == (1.0, 10.0)
+    assert mean_interval([1.0, 1.0, 2.0], 1.0, 10.0)[0] == 1.0
+    assert ratio_interval([9.0], [3.0], 0.1, 10.0) == (0.1, 10.0)
+
+
+@pytest.mark.parametrize(
+    ("fraction", "interval", "text"),
+    [
+        (1.0, (0.996, 1.0), "100.0% [99, 100]"),
+        (0.0, (0.0, 0.004), "0.0% [0, 1]"),
+        (0.91, (0.86, 0.94), "91.0% [86, 94]"),
+        (0.5, (0.4999, 0.5001), "50.0% [49, 51]"),
+    ],
+)
+def test_percentages_are_rounded_outwards(fraction: float, interval: tuple[float, float], text: str) -> None:
+    """Rounding never hides that an interval has a width."""
+    assert format_percentage(fraction, interval) == text
+
+
+def test_tables_fit_into_80_columns(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    """No cell is broken, with the longest names and widest numbers."""
+    monkeypatch.setenv("COLUMNS", "80")
+    interval = (10.0, 10.0)
+    wide = {"strokes": 10.0, "strokes_interval": interval, "holed": 1.0, "holed_interval": (0.996, 1.0)}
+    score = EvaluationResult(
+        policy="generalist",
+        sha256=None,
+        course="procedural",
+        difficulty="medium",
+        episodes=1000,
+        first_seed=0,
+        max_strokes=10,
+        putt_noise=(0.5, 0.015),
+        hole_in_one=1.0,
+        hole_in_one_interval=(0.996, 1.0),
+        **wide,  # type: ignore[arg-type]
+    )
+    level_set = LevelSetResult(
+        difficulty="medium",
+        level_set="held out",
+        first_level=0,
+        num_levels=200,
+        relative=10.0,
+        relative_interval=interval,
+        by_level=(),
+        search_by_level=(),
+        **wide,  # type: ignore[arg-type]
+    )
+    print_evaluations([score])
+    print_benchmark("generalist", [level_set])
+    lines = capsys.readouterr().out.splitlines()
+    assert max(map(len, lines)) <= 80
+    rows = [line for line in lines if "10.00 [10.00, 10.00]" in line and "100.0% [99, 100]" in line]
+    assert len(rows) == 2 and rows[1].count("10.00 [10.00, 10.00]") == 2
