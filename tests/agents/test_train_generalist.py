@@ -128,7 +128,7 @@ def test_damaged_run_ends_with_one_line(tmp_path: Path) -> None:
     train_generalist.main(dataclasses.replace(TINY, out=tmp_path / "run"))
     checkpoint = tmp_path / "run" / "checkpoint.pt"
     checkpoint.write_bytes(checkpoint.read_bytes()[:100])
-    with pytest.raises(SystemExit, match="^resume: expected an intact model"):
+    with pytest.raises(SystemExit, match=r"^resume: expected an intact model"):
         train_generalist.main(GeneralistConfig(resume=tmp_path / "run"))
     weights = tmp_path / "run" / "best.npz"
     config = dataclasses.replace(TINY, out=tmp_path / "new", net_arch=(3,), init_weights=weights)
