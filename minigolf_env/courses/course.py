@@ -197,26 +197,30 @@ class Course:
             impact=impact,
             bounds=self.bounds,
         )
-        with course_errors(f"course {self.name!r}"):
-            world.check_collision_free(sorted(set(self._required_positions())))
+        for place, positions in self._required_positions().items():
+            with course_errors(f"course {self.name!r}: {place}"):
+                world.check_collision_free(sorted(set(positions)))
         return world
 
-    def _required_positions(self) -> Iterator[Point3]:
-        """Yield ball centres that must be in bounds and free of collision: on the tee, and at the cup's bottom."""
+    def _required_positions(self) -> dict[str, list[Point3]]:
+        """Return ball centres that must be in bounds and free of collision, on the "tee" and in the "cup"."""
         tee = zip(self.tee.lower, self.tee.centre, self.tee.upper, strict=True)
-        for x, y in itertools.product(*tee):
-            yield x, y, self.tee.height + self.ball_radius
+        height = self.tee.height + self.ball_radius
+        positions = {"tee": [(x, y, height) for x, y in itertools.product(*tee)]}
         if self.cup is not None:
             x, y, rim = self.cup.position
-            yield x, y, rim - self.cup.depth + self.ball_radius
+            positions["cup"] = [(x, y, rim - self.cup.depth + self.ball_radius)]
+        return positions
 
     def _check_bounds(self) -> None:
         lower, upper = finite_array(self.bounds, (2, 3), "bounds", "give the lower and the upper corner.")
-        for position in self._required_positions():
-            if not (lower < position).all() or not (position < upper).all():
-                raise CourseError(
-                    f"bounds: expected a box around the ball at {position}, received {self.bounds}; enlarge the bounds."
-                )
+        for place, positions in self._required_positions().items():
+            for position in positions:
+                if not (lower < position).all() or not (position < upper).all():
+                    raise CourseError(
+                        f"{place}: expected a ball within the bounds {self.bounds}, received {position}; "
+                        f"move the {place}, or enlarge the bounds."
+                    )
 
     def _check_golf(self) -> None:
         if self.cup is None:

@@ -59,7 +59,7 @@ def test_bounds_must_contain_ball_on_tee_and_in_cup(axis: int, side: int) -> Non
         if fits:
             assert dataclasses.replace(course, **change).bounds == change["bounds"]
         else:
-            with pytest.raises(CourseError, match="bounds: expected a box around the ball"):
+            with pytest.raises(CourseError, match="expected a ball within the bounds"):
                 dataclasses.replace(course, **change)
 
 

@@ -247,7 +247,7 @@ OPEN_MESH = TriangleMesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
         ({"cup": None}, "expected None and \\(\\) without cup"),
         ({"route": ()}, "route"),
         ({"route": ((0.0, 0.0), CUP_POSITION[:2])}, "route: expected points from the tee's centre to the cup"),
-        ({"bounds": ((0.0, 0.0, 0.0), (1.0, 1.0, 1.0))}, "bounds: expected a box around the ball"),
+        ({"bounds": ((0.0, 0.0, 0.0), (1.0, 1.0, 1.0))}, "expected a ball within the bounds"),
         ({"bounds": ((0.0, 0.0, -np.inf), (4.0, 4.0, 1.0))}, "bounds: expected finite numbers"),
     ],
 )

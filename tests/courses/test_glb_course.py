@@ -19,7 +19,8 @@ import trimesh
 from minigolf_env.courses import Course, CourseError, list_courses, load_course
 from minigolf_env.courses.builder import CourseBuilder
 from minigolf_env.courses.io.glb_course import to_glb
-from minigolf_env.courses.io.gltf_scene import EXACT_VERTICES_KEY, SceneObject, read_scene, write_scene
+from minigolf_env.courses.io.gltf_scene import EXACT_VERTICES_KEY, SceneObject, read_scene
+from minigolf_env.courses.io.gltf_writer import write_scene
 from minigolf_env.courses.schema.limits import Limits
 from minigolf_env.physics import Status
 

@@ -11,7 +11,8 @@ import trimesh
 
 from minigolf_env.courses import Course, CourseError, load_course
 from minigolf_env.courses.geometry.ground import LEVEL_TOLERANCE, ground_level
-from minigolf_env.courses.io.gltf_scene import SceneObject, write_scene
+from minigolf_env.courses.io.gltf_scene import SceneObject
+from minigolf_env.courses.io.gltf_writer import write_scene
 from minigolf_env.courses.io.toml_course import build_course, validate_description
 from minigolf_env.physics import Status
 

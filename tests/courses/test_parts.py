@@ -21,7 +21,8 @@ from minigolf_env.courses.geometry.parts import build_inline_mesh
 from minigolf_env.courses.geometry.solids import build_loop_track, circle_polygon, extrude, revolve, sweep_along_line
 from minigolf_env.courses.geometry.terrain import build_terrain, make_height_function
 from minigolf_env.courses.io.glb_course import to_glb
-from minigolf_env.courses.io.gltf_scene import SceneObject, write_scene
+from minigolf_env.courses.io.gltf_scene import SceneObject
+from minigolf_env.courses.io.gltf_writer import write_scene
 from minigolf_env.courses.schema.heights import DirectionalHeight, RadialHeight, WaveHeight
 from minigolf_env.courses.schema.limits import Limits
 from minigolf_env.courses.schema.shapes import ArcCorner, OutlineShape

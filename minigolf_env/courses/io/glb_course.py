@@ -27,7 +27,8 @@ from trimesh import Trimesh
 from minigolf_env.courses.course import DEFAULT_PAR, Course, CourseError
 from minigolf_env.courses.geometry.assembly import assemble_course
 from minigolf_env.courses.io.course_description import describe_course, hex_color
-from minigolf_env.courses.io.gltf_scene import SceneObject, read_scene, write_scene
+from minigolf_env.courses.io.gltf_scene import SceneObject, read_scene
+from minigolf_env.courses.io.gltf_writer import write_scene
 from minigolf_env.courses.io.validation_errors import format_validation_error
 from minigolf_env.courses.schema.course_file import CourseFile
 from minigolf_env.courses.schema.limits import Limits

@@ -1,4 +1,4 @@
-"""Binary glTF 2.0 (.glb): named objects with triangles, positions and extra properties.
+"""Reading of binary glTF 2.0 (.glb): named objects with triangles, positions and extra properties.
 
 The reader uses positions, indices, transforms, names and extras only (glTF 2.0, Khronos Group, sections 3.5 to 3.7 and
 4.4). The y axis of glTF points up: (x, y, z) here is (x, z, -y) there, which changes only signs.
@@ -14,7 +14,6 @@ import base64
 import binascii
 import json
 import struct
-from collections.abc import Sequence
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -46,15 +45,6 @@ QUANTIZED_DTYPES: dict[int, np.dtype[Any]] = {
 
 FLOAT_COMPONENT = 5126
 """Component type of float32 in glTF."""
-
-UINT32_COMPONENT = 5125
-"""Component type of uint32 in glTF."""
-
-VERTEX_BUFFER = 34962
-"""Target of a buffer view of vertices in glTF."""
-
-INDEX_BUFFER = 34963
-"""Target of a buffer view of indices in glTF."""
 
 TRIANGLES_MODE = 4
 """Mode of a primitive of triangles in glTF."""
@@ -289,8 +279,8 @@ def _transform_points(stored: NDArray[Any], extras: JsonObject, matrix: FloatArr
         except (binascii.Error, TypeError, ValueError):
             exact = np.empty((0, 3))
         if exact.shape == points.shape and np.abs(exact).max(initial=0.0) <= MAX_COURSE_COORDINATE:
-            is_unchanged = np.array_equal(_z_up_to_y_up(exact).astype(np.float32), stored)
-            points = _z_up_to_y_up(exact) if is_unchanged else points
+            is_unchanged = np.array_equal(z_up_to_y_up(exact).astype(np.float32), stored)
+            points = z_up_to_y_up(exact) if is_unchanged else points
     if np.array_equal(matrix, np.eye(4)):
         return points
     return np.asarray(points @ matrix[:3, :3].T + matrix[:3, 3])
@@ -300,7 +290,8 @@ def _y_up_to_z_up(points: FloatArray) -> FloatArray:
     return np.stack([points[:, 0], -points[:, 2], points[:, 1]], axis=1)
 
 
-def _z_up_to_y_up(points: FloatArray) -> FloatArray:
+def z_up_to_y_up(points: FloatArray) -> FloatArray:
+    """Return points (N, 3) with z up in the coordinates of glTF, with y up."""
     return np.stack([points[:, 0], points[:, 2], -points[:, 1]], axis=1)
 
 
@@ -309,77 +300,3 @@ def _extras_of(owner: JsonObject) -> JsonObject:
     if not isinstance(extras, dict):
         raise ValueError("extras are not a JSON object")
     return extras
-
-
-def write_scene(objects: Sequence[SceneObject], extras: JsonObject) -> bytes:
-    """Return the content of a .glb file with objects and a scene's extras."""
-    writer = _SceneWriter()
-    for item in objects:
-        writer.add_object(item)
-    return writer.content(extras)
-
-
-class _SceneWriter:
-    """Writer that collects the arrays and the JSON of a scene."""
-
-    def __init__(self) -> None:
-        self.nodes: list[JsonObject] = []
-        self.meshes: list[JsonObject] = []
-        self.accessors: list[JsonObject] = []
-        self.views: list[JsonObject] = []
-        self.materials: list[JsonObject] = []
-        self.binary = b""
-
-    def add_object(self, item: SceneObject) -> None:
-        """Add a node, with its mesh and material if it is not an empty."""
-        node: JsonObject = {"name": item.name, "extras": dict(item.extras)}
-        if item.vertices is None or item.faces is None:
-            node["translation"] = _z_up_to_y_up(np.array([item.at]))[0].tolist()
-        else:
-            node["extras"][EXACT_VERTICES_KEY] = base64.b64encode(item.vertices.astype("<f8").tobytes()).decode()
-            node["mesh"] = self._add_mesh(item.name, item.vertices, item.faces, item.color)
-        self.nodes.append(node)
-
-    def _add_mesh(
-        self, name: str, vertices: FloatArray, faces: IntArray, color: tuple[float, float, float] | None
-    ) -> int:
-        """Add a mesh and its material, and return its number."""
-        points = _z_up_to_y_up(vertices).astype("<f4")
-        box = {"min": points.min(axis=0).tolist(), "max": points.max(axis=0).tolist()}
-        position = self._add_array(
-            points, VERTEX_BUFFER, componentType=FLOAT_COMPONENT, count=len(points), type="VEC3", **box
-        )
-        index = faces.astype("<u4").ravel()
-        indices = self._add_array(index, INDEX_BUFFER, componentType=UINT32_COMPONENT, count=index.size, type="SCALAR")
-        linear = [value**2.2 for value in color or (0.8, 0.8, 0.8)]
-        appearance = {"baseColorFactor": [*linear, 1.0], "metallicFactor": 0.0}
-        self.materials.append({"name": name, "pbrMetallicRoughness": appearance})
-        primitive = {"attributes": {"POSITION": position}, "indices": indices, "material": len(self.materials) - 1}
-        self.meshes.append({"name": name, "primitives": [primitive]})
-        return len(self.meshes) - 1
-
-    def _add_array(self, array: NDArray[Any], target: int, **fields: Any) -> int:
-        """Add an array with a buffer view and an accessor, and return the number of the accessor."""
-        view = {"buffer": 0, "byteOffset": len(self.binary), "byteLength": array.nbytes, "target": target}
-        self.views.append(view)
-        self.binary += array.tobytes()
-        self.accessors.append({"bufferView": len(self.views) - 1, **fields})
-        return len(self.accessors) - 1
-
-    def content(self, extras: JsonObject) -> bytes:
-        """Return the content of the .glb file."""
-        data = {
-            "asset": {"version": "2.0", "generator": "minigolf_env"},
-            "scene": 0,
-            "scenes": [{"nodes": list(range(len(self.nodes))), "extras": extras}],
-            "nodes": self.nodes,
-        }
-        if self.meshes:
-            data |= {"meshes": self.meshes, "accessors": self.accessors}
-            data |= {"bufferViews": self.views, "materials": self.materials}
-            data["buffers"] = [{"byteLength": len(self.binary)}]
-        text = json.dumps(data).encode()
-        text += b" " * (-len(text) % 4)
-        json_chunk = struct.pack("<I4s", len(text), b"JSON") + text
-        body = json_chunk + struct.pack("<I4s", len(self.binary), b"BIN\0") + self.binary
-        return struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body

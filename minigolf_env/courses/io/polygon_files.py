@@ -32,8 +32,8 @@ PLY_TYPES = {
 }
 """Types of .ply files with their numpy types."""
 
-PLY_BYTE_ORDERS = {"ascii": "=", "binary_little_endian": "<", "binary_big_endian": ">"}
-"""Formats of .ply files with the byte order of their numbers."""
+PLY_BYTE_ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
+"""Formats of .ply files with the byte order of their numbers; "" for text."""
 
 MAX_PLY_PROPERTIES = 256
 """Largest number of elements and properties that a .ply file declares."""
@@ -175,7 +175,7 @@ def _read_ply_header(content: bytes) -> tuple[str, list[tuple[str, int, list[Pro
     match = re.match(rb"(?:\xef\xbb\xbf)?ply[ \t]*\r?[\n\r](.*?)\bend_header[ \t]*(\r\n|\n|\r)", content, re.DOTALL)
     if match is None:
         raise CourseError("expected a .ply file with a complete header, received another.")
-    order = ""
+    order: str | None = None
     elements: list[tuple[str, int, list[Property]]] = []
     lines = match[1].decode("ascii", "replace").splitlines()
     if sum(not line.startswith(("comment", "obj_info")) for line in lines) > MAX_PLY_PROPERTIES:
@@ -193,9 +193,9 @@ def _read_ply_header(content: bytes) -> tuple[str, list[tuple[str, int, list[Pro
                 elements[-1][2].append((words[2], PLY_TYPES[words[1]], ""))
         except (LookupError, ValueError) as error:
             raise CourseError(f"expected a line of a .ply header, received {line!r:.60}.") from error
-    if not order or any(count < 0 for _, count, _ in elements):
+    if order is None or any(count < 0 for _, count, _ in elements):
         raise CourseError("expected a .ply header with a format and counts, received another.")
-    return order if b"format ascii" not in match[1] else "", elements, match.end()
+    return order, elements, match.end()
 
 
 class _PlyReader:
