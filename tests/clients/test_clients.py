@@ -32,12 +32,13 @@ def test_code_block_of_the_page_runs(number: int, tmp_path: Path, monkeypatch: p
 
 
 def test_page_has_a_block_for_each_library() -> None:
-    """Wrappers, their vector versions, videos, processes, stable-baselines3 in two ways."""
+    """Wrappers, their vector versions, videos, processes, the checker, stable-baselines3 in two ways."""
     names = (
         "FrameStackObservation",
         "wrappers.vector import Norm",
         "tile_sequences",
         "forkserver",
+        "check_env",
         '"MiniGolf-v0", n_',
         "VecMon",
     )
