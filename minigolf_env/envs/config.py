@@ -36,7 +36,7 @@ from minigolf_env.physics import World
 from minigolf_env.physics.world import IMPACT_MODELS
 from minigolf_env.rendering import CAMERA_NAMES, RENDER_PROFILES, RenderSettings, check_size
 
-VECTOR_HINT = "gymnasium.make_vec makes a vector environment of several."
+VECTOR_HINT = "gymnasium.make_vec makes a vector environment, with num_envs and autoreset_mode."
 """Advice about arguments that only a vector environment has."""
 
 ARGUMENT_HINTS = {
@@ -49,6 +49,9 @@ ARGUMENT_HINTS = {
     "width": "render_size=(width, height) is the size of the images.",
     "height": "render_size=(width, height) is the size of the images.",
     "obs_type": "observation is the kind of observation.",
+    "render_fps": "render_speed is the speed of the putts in the window.",
+    "level": 'reset(options={"level": 17}) plays a level.',
+    "hole": 'course="round" plays nine holes, reset(options={"hole": 3}) one of them.',
 }
 """Advice about arguments that environments of other packages have."""
 
@@ -114,6 +117,7 @@ def build_env_config(
     course: str | Course,
     render_modes: Sequence[str],
     render_mode: str | None,
+    /,
     *,
     observation: str = "state",
     reward: str | RewardFunction = "shaped",
@@ -131,8 +135,9 @@ def build_env_config(
         TypeError: an argument is unknown.
         ValueError: an argument has a wrong value.
     """
-    for name in task_options.keys() - EnvOptions.__annotations__.keys():
-        raise TypeError(_unknown_argument_message(name))
+    unknown = [name for name in task_options if name not in EnvOptions.__annotations__]
+    if unknown:
+        raise TypeError(_unknown_argument_message(unknown[0]))
     if render_mode is not None:
         one_of(render_mode, render_modes, "render_mode")
     settings = RenderSettings(
@@ -152,10 +157,10 @@ def build_env_config(
 def _unknown_argument_message(name: str) -> str:
     """Return the message about an unknown argument; it begins as Python's, by which TorchRL and others recognise it."""
     names = ("course", "render_mode", *EnvOptions.__annotations__)
-    closest = difflib.get_close_matches(name, names, n=1)
-    guess = f"; did you mean {closest[0]!r}?" if closest else "."
-    hint = f"; {ARGUMENT_HINTS[name]}" if name in ARGUMENT_HINTS else guess
-    return f"got an unexpected keyword argument {name!r:.60}: expected one of {', '.join(map(repr, names))}{hint}"
+    closest = "".join(difflib.get_close_matches(name, (*names, *ARGUMENT_HINTS), n=1))
+    guess = f"did you mean {closest!r}?" if closest else "the docstring of MiniGolfEnv describes them."
+    advice = ARGUMENT_HINTS.get(closest, guess)
+    return f"got an unexpected keyword argument {name!r:.60}: expected one of {', '.join(map(repr, names))}; {advice}"
 
 
 def build_task_sampler(

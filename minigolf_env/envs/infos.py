@@ -94,8 +94,8 @@ def batch_info(
     mask = np.zeros(len(strokes), np.bool_)
     mask[rows] = True
     if not mask.all():
-        info = {key: np.where(mask, values, None if values.dtype == object else 0) for key, values in info.items()}
-        info = {key: values.astype(np.bool_) if key == "is_success" else values for key, values in info.items()}
+        for key, values in info.items():
+            info[key] = np.where(mask, values, None if values.dtype == object else values.dtype.type(0))
     return info | {f"_{key}": mask.copy() for key in info}
 
 

@@ -318,8 +318,10 @@ class MiniGolfVectorEnv(gym.vector.VectorEnv[Observations, Actions, NDArray[Any]
         if name != "np_random":
             raise AttributeError(f"name: expected 'np_random', received {name!r}; make a new batch for other options.")
         self._require_reset()
-        self._rngs = check_generators(values, self.num_envs)
-        self._seeds = (UNKNOWN_SEED,) * self.num_envs
+        rngs = check_generators(values, self.num_envs)
+        is_new = [rng is not old for rng, old in zip(rngs, self._rngs, strict=True)]
+        self._seeds = tuple(UNKNOWN_SEED if new else seed for new, seed in zip(is_new, self._seeds, strict=True))
+        self._rngs = rngs
 
     def _require_reset(self) -> None:
         if len(self._rngs) == 0:

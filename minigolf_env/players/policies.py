@@ -12,6 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minigolf_env._validation import one_of
+from minigolf_env.courses import ROUND_COURSE, ROUND_HOLES
+from minigolf_env.courses.procedural import PROCEDURAL_COURSE
 from minigolf_env.envs import MiniGolfEnv
 from minigolf_env.envs.observations import OBSERVATIONS
 from minigolf_env.players.model_files import load_model
@@ -158,12 +160,14 @@ class SB3Policy:
 
 
 def warn_if_untrained(policy: Policy, course: str) -> None:
-    """Warn if a model that observes no walls plays a course that it was not trained on: it putts as on its own."""
+    """Warn if a model plays a course that it was not trained on, unless it observed the walls of many in training."""
     courses = getattr(policy, "courses", None)
-    if policy.observation == "state" and courses is not None and course not in courses:
+    if courses is None or course in courses or (ROUND_COURSE in courses and course in ROUND_HOLES):
+        return
+    if policy.observation == "state" or not courses & {PROCEDURAL_COURSE, ROUND_COURSE}:
         warnings.warn(
-            f"the model was trained on {', '.join(sorted(courses))} and observes no walls: on {course!r:.80} it putts "
-            "as if it were there; train one for this course, or use a model that observes rays.",
+            f"the model was trained on {', '.join(sorted(courses))}, not on {course!r:.80}: expect it to putt as if it "
+            'were there; train one for this course, or one that observes "rays" on course="procedural".',
             UserWarning,
             stacklevel=3,
         )
@@ -175,10 +179,9 @@ def _find_training_courses(model: Path) -> frozenset[str] | None:
         card = model.with_suffix(".json")
         if card.is_file():
             return frozenset(score["course"] for score in json.loads(card.read_text())["scores"])
-        config = model.with_name("config.json")
-        return frozenset([json.loads(config.read_text())["course"]]) if config.is_file() else None
+        return frozenset([json.loads(model.with_name("config.json").read_text())["course"]])
     except (AttributeError, LookupError, OSError, TypeError, ValueError):
-        return None  # A file of another program.
+        return None  # No such file, or one of another program.
 
 
 def load_policy(name: str | Path, seed: int = 0) -> Policy:

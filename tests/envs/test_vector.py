@@ -296,8 +296,9 @@ def test_partial_reset_reports_only_the_environments_that_it_resets() -> None:
         assert (infos[f"_{key}"] == mask).all()
         assert not any(infos[key][~mask])
     assert infos["status"][1] == "tee" and infos["hole"][1] == 2
-    assert infos["strokes"].dtype == np.int64 and infos["is_success"].dtype == np.bool_
     assert [state["strokes"] for state in envs.get_state()] == [1, 0, 1]
+    _, complete = envs.reset()
+    assert {key: values.dtype for key, values in infos.items()} == {key: v.dtype for key, v in complete.items()}
 
 
 def test_seeds_of_a_batch_are_those_of_its_generators() -> None:
@@ -316,6 +317,10 @@ def test_seeds_of_a_batch_are_those_of_its_generators() -> None:
     assert single.np_random_seed == 3
     envs.set_attr("np_random", [np.random.default_rng(k) for k in range(3)])
     assert envs.np_random_seed == (-1, -1, -1)
+    envs.reset(seed=7)
+    kept, _, last = envs.np_random
+    envs.np_random = (kept, np.random.default_rng(0), last)
+    assert envs.np_random_seed == (7, -1, 9)
 
 
 def test_environments_derive_from_gymnasium_directly() -> None:

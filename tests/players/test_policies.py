@@ -106,6 +106,33 @@ def test_model_on_a_course_that_it_was_not_trained_on_is_a_warning(tmp_path: Pat
         warn_if_untrained(copied, "dogleg")
 
 
+@pytest.mark.parametrize(
+    ("trained_on", "played", "observation", "warns"),
+    [
+        ("dogleg", "bank", "rays", True),
+        ("dogleg", "dogleg", "rays", False),
+        ("round", "straight", "state", False),
+        ("round", "volcano", "state", True),
+        ("round", "volcano", "rays", False),
+        ("procedural", "bank", "rays", False),
+        ("procedural", "bank", "state", True),
+    ],
+)
+def test_only_a_model_that_saw_walls_of_many_courses_plays_others_without_a_warning(
+    tmp_path: Path, trained_on: str, played: str, observation: str, warns: bool
+) -> None:
+    """A round consists of its holes; one hole, or walls that were never observed, teach nothing about another."""
+    (num_inputs,) = OBSERVATIONS[observation].space().shape or ()
+    save_model(MLPPolicy(random_mlp(num_inputs, 2)), tmp_path / "best_model.npz")
+    (tmp_path / "config.json").write_text(f'{{"course": "{trained_on}"}}')
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        warn_if_untrained(load_policy(tmp_path / "best_model.npz"), played)
+    assert [str(warning.message).partition(",")[0] for warning in caught] == [
+        f"the model was trained on {trained_on}"
+    ] * warns
+
+
 def test_sb3_policy_checks_the_shape_of_its_observation() -> None:
     """A model that was trained on another observation is an error, not a crash in its network."""
     model = SimpleNamespace(observation_space=OBSERVATIONS["rays"].space(), predict=None)
