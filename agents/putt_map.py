@@ -26,7 +26,8 @@ from matplotlib.figure import Figure
 from rich.console import Console
 from tqdm import tqdm
 
-from agents.cluster import connect
+from agents.cluster import connect, import_ray
+from agents.config_check import check_ranges, one_line_errors
 from minigolf_env import __version__
 from minigolf_env._atomic_io import atomic_write, write_text
 from minigolf_env.apps import putt_map as maps
@@ -57,6 +58,13 @@ class PuttMapConfig:
     """Ray cluster: "auto" on one of its nodes, or HOST:PORT; by default Ray starts on this machine alone."""
     num_cpus: int | None = None
     """Number of cores for a Ray started here; by default all."""
+
+
+MAX_DIRECTIONS = 9_999_999
+"""Largest number of directions: the names of the files have seven digits."""
+
+MAX_CELLS = 100_000_000
+"""Largest number of cells of the heat map, 800 MB."""
 
 
 def shard_ranges(config: PuttMapConfig) -> list[range]:
@@ -113,18 +121,24 @@ def create_or_check_folder(config: PuttMapConfig, course: Course, folder: Path) 
     """
     inputs = describe_inputs(config, course)
     path = folder / "putts.json"
-    if not path.is_file():
+    if not path.exists():
         write_text(path, json.dumps(inputs, indent=2))
         return
-    stored = json.loads(path.read_text())
-    different = [key for key in inputs if stored.get(key) != inputs[key]]
+    with one_line_errors(f"out: expected the arguments of a putt map in {path}"):
+        stored = json.loads(path.read_text())
+        different = [key for key in inputs if stored.get(key) != inputs[key]]
     if different:
         raise SystemExit(f"out: {folder} holds putts with another {', '.join(different)}; choose another folder.")
 
 
+def missing_shards(config: PuttMapConfig, folder: Path) -> list[range]:
+    """Return the shards that have no file yet."""
+    return [shard for shard in shard_ranges(config) if not shard_path(folder, shard).is_file()]
+
+
 def simulate_missing_shards(course: Course, config: PuttMapConfig, folder: Path) -> None:
     """Simulate the shards that have no file yet; Ray queues twice as many as the cluster has cores."""
-    missing = [shard for shard in shard_ranges(config) if not shard_path(folder, shard).is_file()]
+    missing = missing_shards(config, folder)
     if not missing:
         return
     ray = connect(config.address, config.num_cpus)
@@ -158,7 +172,12 @@ def merge_shards(config: PuttMapConfig, course: Course, folder: Path) -> Arrays:
     heat = np.zeros(num_cells.prod(), np.int64)
     seconds = np.zeros(())
     for shard in shard_ranges(config):
-        with np.load(shard_path(folder, shard)) as file:
+        path = shard_path(folder, shard)
+        with (
+            one_line_errors(f"out: expected the putts of a map in {path}"),
+            path.open("rb") as content,
+            np.load(content) as file,
+        ):
             result = file["result"]
             position = file["position"]
             seconds += file["seconds"]
@@ -192,15 +211,21 @@ def main(config: PuttMapConfig) -> Arrays:
         SystemExit: an argument is invalid, or the program was interrupted; the message is one line.
     """
     # Check the arguments and the course here rather than on another node.
-    if min(config.directions, config.speeds, config.shard_size) < 1 or config.cell_size <= 0.0:
-        raise SystemExit("expected at least 1 direction, 1 speed and 1 putt a shard, and cells larger than 0.")
     try:
+        check_ranges(config)
+        if max(config.directions, config.speeds) > MAX_DIRECTIONS:
+            raise ValueError(f"directions and speeds: expected at most {MAX_DIRECTIONS:,} each.")
         course = load_course(config.course)
         maps.simulate_putts(course, config.tee, directions=1, speeds=1)
-    except ValueError as error:
+        num_cells = float(np.prod(np.ptp(course.bounds, axis=0)[:2] / config.cell_size))
+        if num_cells > MAX_CELLS:
+            raise ValueError(f"cell_size: expected at most {MAX_CELLS:,} cells, received {num_cells:,.0f}.")
+    except (OSError, ValueError) as error:
         raise SystemExit(str(error)) from None
     folder = config.out or Path("runs") / f"{course.name}-map"
     try:
+        if missing_shards(config, folder):
+            import_ray(config.address)  # Fails here where Ray is missing, before a folder is created.
         create_or_check_folder(config, course, folder)
     except OSError as error:
         raise SystemExit(f"out: expected a folder to write to, received {error}") from None

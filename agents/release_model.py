@@ -15,10 +15,11 @@ from typing import Annotated, Any
 import numpy as np
 import tyro
 
+from agents.config_check import check_ranges, one_line_errors
 from agents.train_generalist import GeneralistConfig
 from agents.train_ppo import PPOConfig
-from agents.training_run import TrainConfig, read_config
-from minigolf_env._atomic_io import atomic_write
+from agents.training_run import TrainConfig, read_config, validate_config
+from minigolf_env._atomic_io import atomic_write, check_output
 from minigolf_env.evaluation.evaluate import evaluate
 from minigolf_env.evaluation.report import print_evaluations, write_json_report
 from minigolf_env.players.model_files import load_model, save_model
@@ -58,15 +59,23 @@ def training_command(name: str, config: TrainConfig) -> str:
 
 
 def main(config: ReleaseConfig) -> None:
-    """Write the model and its card, and print its scores."""
+    """Write the model and its card, and print its scores.
+
+    Raises:
+        SystemExit: an argument is invalid, or the folder holds no model of a run; the message is one line.
+    """
     is_generalist = (config.run / "best.npz").is_file()
     name = "generalist" if is_generalist else "ppo"
     run_config: TrainConfig = read_config(GeneralistConfig if is_generalist else PPOConfig, config.run)
-    model_path = config.folder / PRETRAINED_MODELS[name]
+    with one_line_errors("expected a run, a number of episodes and a folder"):
+        check_ranges(config)
+        validate_config(run_config)
+        validate_config(dataclasses.replace(run_config, putt_noise=config.putt_noise))
+        model = load_model(config.run / ("best.npz" if is_generalist else "best.zip"))
+        model_path = check_output(config.folder / PRETRAINED_MODELS[name])
 
     # Write the model to a temporary file: the present one stays until the new one is evaluated.
     with atomic_write(model_path) as temporary_file:
-        model = load_model(config.run / ("best.npz" if is_generalist else "best.zip"))
         # The generalist has 18 times as many weights, so it is stored in half precision.
         save_model(model, temporary_file, np.float16 if is_generalist else np.float32)
         size = temporary_file.stat().st_size

@@ -11,10 +11,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from pydantic import FiniteFloat
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecMonitor
 
+from agents.config_check import check_types
 from agents.training_run import (
     NO_FOLDER,
     RICH_CONSOLE,
@@ -49,10 +51,8 @@ def check_sb3_model(
     with contextlib.closing(make_sb3_envs(config)) as envs:
         model = make_model(config, envs)
         initialize_model(model, config, folder or NO_FOLDER)
-        if folder is not None:
-            history = EvaluationHistory(config, folder)
-            if history.rows:
-                load_best(model, config, folder)
+        if folder is not None and check_history(config, folder, "checkpoint.zip").rows:
+            load_best(model, config, folder)
 
 
 class EvaluationHistory:
@@ -61,8 +61,9 @@ class EvaluationHistory:
     def __init__(self, config: TrainConfig, folder: Path) -> None:
         self._config = config
         self._path = folder / "progress.json"
-        self.rows: list[dict[str, float]] = json.loads(self._path.read_text()) if self._path.is_file() else []
-        if not all(isinstance(row["strokes"], (int, float)) for row in self.rows):
+        self.rows: list[dict[str, float]] = json.loads(self._path.read_text()) if self._path.exists() else []
+        check_types(list[dict[str, FiniteFloat]], self.rows)
+        if not all("strokes" in row for row in self.rows):
             raise ValueError(f"{self._path}: expected the evaluations of a run, received others")
 
     @property
@@ -100,6 +101,23 @@ class EvaluationHistory:
             f"{row['timesteps']:>10,} time steps: {row['strokes']:.2f} strokes, {row['holed']:.0%} holed, "
             f"{row['hole_in_one']:.0%} holes-in-one (best {self.best_strokes:.2f})"
         )
+
+
+def check_history(config: TrainConfig, folder: Path, checkpoint: str) -> EvaluationHistory:
+    """Return the evaluations of the run folder that is resumed, after a check that what they evaluated is there.
+
+    Args:
+        config: configuration of the run.
+        folder: run folder.
+        checkpoint: name or pattern of the checkpoints that the run resumes from.
+
+    Raises:
+        Exception: the evaluations cannot be read, or there are evaluations and no checkpoint.
+    """
+    history = EvaluationHistory(config, folder)
+    if history.rows and not any(folder.glob(checkpoint)):
+        raise FileNotFoundError(f"evaluations without {folder / checkpoint}, from which the run would resume")
+    return history
 
 
 class EvalCheckpointCallback(BaseCallback):

@@ -32,8 +32,9 @@ from stable_baselines3.common.logger import configure
 from stable_baselines3.common.torch_layers import create_mlp
 from torch.nn.functional import binary_cross_entropy_with_logits, mse_loss, softplus
 
+from agents.config_check import check_count, check_weights
 from agents.putt_collector import PuttCollector
-from agents.run_evaluation import EVALUATION_METRICS, EvaluationHistory, finish_run
+from agents.run_evaluation import EVALUATION_METRICS, EvaluationHistory, check_history, finish_run
 from agents.training_run import (
     NO_FOLDER,
     RICH_CONSOLE,
@@ -147,15 +148,12 @@ class QLearner:
         self.net = torch.nn.Sequential(*create_mlp(NUM_FEATURES, 2, list(config.net_arch)))
         self.optimizer = torch.optim.AdamW(self.net.parameters(), config.learning_rate, weight_decay=1e-3)
         self.num_timesteps = 0
-        if self.checkpoint_path.is_file():
+        if self.checkpoint_path.exists():
             self.load_checkpoint()
         elif config.init_weights is not None:
             self.load_weights(config.init_weights)
         self.last_saved = self.num_timesteps
 
-    def start(self) -> None:
-        """Make the environments, the replay buffer and the log."""
-        config = self.config
         # Collecting and learning run at the same time, each with a generator. A resumed run draws other levels.
         collector_rng, buffer_rng = np.random.default_rng((config.seed, self.num_timesteps)).spawn(2)
         self.buffer = ReplayBuffer(config.buffer_size, buffer_rng)
@@ -166,6 +164,9 @@ class QLearner:
             greedy_prob=config.greedy_prob,
             putt_noise=config.putt_noise,
         )
+
+    def start(self) -> None:
+        """Start the log in the run folder."""
         self.logger = configure(str(self.folder / "log"), ["tensorboard"])
 
     @property
@@ -186,8 +187,9 @@ class QLearner:
         check_torch_file(self.checkpoint_path.read_bytes())
         stored = torch.load(self.checkpoint_path, weights_only=True)
         self.net.load_state_dict(stored["net"])
+        check_weights(self.net)
         self.optimizer.load_state_dict(stored["optimizer"])
-        self.num_timesteps = stored["num_timesteps"]
+        self.num_timesteps = check_count(stored["num_timesteps"], "num_timesteps")
 
     def load_weights(self, path: Path) -> None:
         """Copy the weights of a model file.
@@ -275,14 +277,14 @@ class QLearner:
 
 
 def check_learner(config: GeneralistConfig, folder: Path | None) -> None:
-    """Load the initial weights, or the checkpoint and the best model of the run folder that is resumed.
+    """Make a learner with the initial weights, or with the checkpoint of the run folder that is resumed.
 
     Raises:
         Exception: that cannot be done; libraries raise errors of many kinds.
     """
-    learner = QLearner(config, folder or NO_FOLDER)
-    if learner.history.rows:
-        ModelPolicy(learner.folder / "best.npz")
+    QLearner(config, folder or NO_FOLDER)
+    if folder is not None and check_history(config, folder, "checkpoint.pt").rows:
+        ModelPolicy(folder / "best.npz")
 
 
 def main(config: GeneralistConfig) -> list[EvaluationResult]:
@@ -300,6 +302,8 @@ def main(config: GeneralistConfig) -> list[EvaluationResult]:
         raise SystemExit(
             f"difficulty: expected none, received {config.difficulty!r}; give --difficulties, one or more."
         )
+    if not config.difficulties:
+        raise SystemExit("difficulties: expected one or more of easy, medium and hard, received none.")
     config, folder = start_run(config, check_learner)
     torch.set_num_threads(1)  # The network is tiny, and the environments run in another thread.
     learner = QLearner(config, folder)

@@ -89,6 +89,8 @@ def main(config: PixelsConfig) -> list[EvaluationResult]:
     """
     started = time.monotonic()
     torch.set_num_threads(1)  # A second thread mostly waits for the first, at full load.
+    if config.observation != "pixels":
+        raise SystemExit(f'observation: expected "pixels", received {config.observation!r}; use agents.train_ppo.')
     config, folder = start_run(config, functools.partial(check_sb3_model, make_pixel_model))
 
     envs = make_sb3_envs(config)

@@ -26,10 +26,9 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.logger import configure
 
 from agents.cluster import connect, import_ray
-from agents.run_evaluation import EvalCheckpointCallback, EvaluationHistory, finish_run
+from agents.run_evaluation import EvalCheckpointCallback, check_history, finish_run
 from agents.train_ppo import PPOHyperparameters
 from agents.training_run import (
-    NO_FOLDER,
     RICH_CONSOLE,
     read_config,
     save_on_interrupt,
@@ -282,9 +281,12 @@ def address_of(config: RLlibConfig) -> str | None:
     return config.address
 
 
-def check_history(config: RLlibConfig, folder: Path | None) -> None:
-    """Read the evaluations of the run folder that is resumed, or raise an error."""
-    EvaluationHistory(config, folder or NO_FOLDER)
+def check_checkpoints(config: RLlibConfig, folder: Path | None) -> None:
+    """Check that the run folder that is resumed has checkpoints to its evaluations, or raise an error."""
+    if folder is not None:
+        check_history(config, folder, "checkpoint-*")
+        for checkpoint in folder.glob("checkpoint-*"):
+            timesteps_of(checkpoint)
 
 
 def main(config: RLlibConfig) -> list[EvaluationResult]:
@@ -304,7 +306,7 @@ def main(config: RLlibConfig) -> list[EvaluationResult]:
     validate_config(config if config.resume is None else read_config(RLlibConfig, config.resume))
     address = address_of(config)
     import_ray(address)  # Fails here where Ray is missing, before a folder is created.
-    config, folder = start_run(config, check_history)
+    config, folder = start_run(config, check_checkpoints)
     config = dataclasses.replace(config, address=address)
     train(config, folder)
     best_model = folder / "best.zip"

@@ -37,7 +37,7 @@ from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from stable_baselines3.common.save_util import load_from_zip_file
 from stable_baselines3.common.vec_env import VecMonitor
 
-from agents.config_check import check_ranges, check_types
+from agents.config_check import check_count, check_ranges, check_types, check_weights, one_line_errors
 from agents.sb3_vec_env import SB3VecEnv
 from minigolf_env._atomic_io import commit, remove_stale_temps
 from minigolf_env.evaluation import FIRST_EVALUATION_SEED, NUM_EVALUATION_SEEDS
@@ -125,16 +125,24 @@ def start_run(config: Config, check_model: Callable[[Config, Path | None], None]
     if folder is not None:
         config = read_config(type(config), folder)
     validate_config(config)
-    if folder is not None or config.init_weights is not None:
-        with one_line_errors("resume" if folder is not None else "init_weights"):
-            check_model(config, folder)
+    with one_line_errors(_model_expectation(config, folder)):
+        check_model(config, folder)
     try:
         if folder is None:
             return config, create_run_folder(config)
         remove_stale_temps(folder)
-    except OSError as error:
+    except (OSError, ValueError) as error:
         raise SystemExit(f"out: expected a folder to write to, received {error}; choose another folder.") from None
     return config, folder
+
+
+def _model_expectation(config: TrainConfig, folder: Path | None) -> str:
+    """Return the beginning of the message for a model that cannot be made."""
+    if folder is not None:
+        return "resume: expected an intact model of this program and observation"
+    if config.init_weights is not None:
+        return "init_weights: expected an intact model of this program and observation"
+    return "expected arguments with which environments and model can be made"
 
 
 def validate_config(config: TrainConfig) -> None:
@@ -157,15 +165,11 @@ def validate_config(config: TrainConfig) -> None:
             f"eval_seed: expected episodes apart from those reserved for the final evaluation, {held_out[0]} to "
             f"{held_out[-1]}, received {eval_seeds[0]} to {eval_seeds[-1]}."
         )
-    # Check the model file and the arguments of the environments.
-    if config.init_weights is not None and not config.init_weights.is_file():
-        raise SystemExit(
-            f"init_weights: expected a model file of the same program, found no file {config.init_weights}."
-        )
+    # Check the arguments of the environments.
     try:
         for env_args in config.eval_env_args:
             make_vector_env(dataclasses.replace(config, n_envs=1), env_args).close()
-    except ValueError as error:
+    except (OSError, RuntimeError, ValueError) as error:
         raise SystemExit(str(error)) from error
 
 
@@ -193,9 +197,12 @@ def create_run_folder(config: TrainConfig) -> Path:
         for number in itertools.count(1):
             folder = parent / f"{Path(config.course).stem}-{number}"
             if not os.path.lexists(folder):
-                with contextlib.suppress(OSError):  # Another run took the name at the same time.
+                try:
                     commit(temporary, folder)
                     return folder
+                except OSError:
+                    if not os.path.lexists(folder):  # Otherwise another run took the name at the same time.
+                        raise
         raise AssertionError("unreachable: the numbers do not end")
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
@@ -222,18 +229,6 @@ def read_config(config_class: type[Config], folder: Path) -> Config:
         return cast(Config, check_types(config_class, stored))
     except ValueError as error:
         raise SystemExit(f"resume: expected the configuration of a run in {path}, {error} Start a new run.") from error
-
-
-@contextlib.contextmanager
-def one_line_errors(argument: str) -> Iterator[None]:
-    """End the program with one line if the block raises an error: libraries raise errors of many kinds on bad files."""
-    try:
-        yield
-    except Exception as error:
-        text = " ".join(str(error).split()) or type(error).__name__
-        raise SystemExit(
-            f"{argument}: expected an intact model of this program and observation, received {text:.300}"
-        ) from error
 
 
 def resume_hint(folder: Path) -> str:
@@ -287,7 +282,7 @@ def make_sb3_envs(config: TrainConfig) -> VecMonitor:
 def initialize_model(model: BaseAlgorithm, config: TrainConfig, folder: Path) -> None:
     """Load the checkpoint of a run folder into a new model, or ``config.init_weights`` if there is no checkpoint."""
     checkpoint = folder / "checkpoint.zip"
-    if checkpoint.is_file():
+    if checkpoint.exists():
         load_checkpoint(model, checkpoint)
         # Another seed than at the start, so that the environments do not repeat the same tees.
         model.set_random_seed(config.seed + model.num_timesteps)
@@ -296,6 +291,7 @@ def initialize_model(model: BaseAlgorithm, config: TrainConfig, folder: Path) ->
     elif config.init_weights is not None:
         check_sb3_file(config.init_weights)
         model.set_parameters(str(config.init_weights))
+        check_weights(model.policy)
     model.tensorboard_log = str(folder)
 
 
@@ -307,9 +303,10 @@ def load_checkpoint(model: BaseAlgorithm, path: Path) -> None:
     check_sb3_file(path)
     _, parameters, variables = load_from_zip_file(path, device=model.device, load_data=False)
     model.set_parameters(parameters, device=model.device)
+    check_weights(model.policy)
     for name, value in (variables or {}).items():  # SAC's entropy coefficient, which is no network parameter.
         getattr(model, name).data.copy_(value.data)
     with zipfile.ZipFile(path) as archive:
         data = json.loads(archive.read("data"))
     for name in ("num_timesteps", "_n_updates"):
-        setattr(model, name, data[name])
+        setattr(model, name, check_count(data.get(name), name))

@@ -19,6 +19,9 @@ EXIT_NO_DISPLAY = 2
 EXIT_INTERRUPTED = 130
 """Exit code after Ctrl-C, as in shells."""
 
+NO_MEMORY_MESSAGE = "not enough memory; give smaller numbers."
+"""Message of a MemoryError of Python, which has none of its own."""
+
 CLI_DESCRIPTION = "Play minigolf, record videos, evaluate policies, and check courses."
 
 CLI_EPILOG = """examples:       minigolf COMMAND --help
@@ -75,7 +78,7 @@ def _run(words: Sequence[str]) -> None:
 
 
 def _print_error(error: Exception, exit_code: int) -> int:
-    print(f"minigolf: {error}", file=sys.stderr)
+    print(f"minigolf: {str(error) or NO_MEMORY_MESSAGE}", file=sys.stderr)
     return exit_code
 
 

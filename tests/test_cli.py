@@ -134,3 +134,16 @@ def test_bug_keeps_its_traceback(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(COMMANDS_BY_NAME, "broken", broken)
     with pytest.raises(RuntimeError, match="a bug"):
         cli.main(["broken"])
+
+
+def test_lack_of_memory_is_named(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """Python's own MemoryError has no message."""
+
+    def greedy() -> None:
+        """Fail."""
+        raise MemoryError
+
+    monkeypatch.setitem(COMMANDS_BY_NAME, "greedy", greedy)
+    with pytest.raises(SystemExit):
+        cli.main(["greedy"])
+    assert "not enough memory" in capsys.readouterr().err

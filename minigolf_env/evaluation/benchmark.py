@@ -14,7 +14,7 @@ from minigolf_env._validation import one_of
 from minigolf_env.courses.procedural import DIFFICULTY_NAMES, PROCEDURAL_COURSE
 from minigolf_env.envs import MiniGolfEnv, MiniGolfVectorEnv
 from minigolf_env.envs.config import UnseenLevelWarning
-from minigolf_env.evaluation import FIRST_EVALUATION_SEED
+from minigolf_env.evaluation import FIRST_EVALUATION_SEED, NUM_EVALUATION_SEEDS
 from minigolf_env.evaluation.rollout import EpisodeResult, run_episode, run_episodes_batched, search_strokes
 from minigolf_env.evaluation.statistics import Interval, mean_interval, ratio_interval, wilson_interval
 from minigolf_env.players.policies import BatchPolicy, Policy, load_policy, warn_if_untrained
@@ -72,10 +72,11 @@ def benchmark(
         seed: seed of a random policy.
 
     Raises:
-        ValueError, FileNotFoundError, ImportError: there is no such policy or difficulty, or ``num_levels`` is below 1.
+        ValueError, FileNotFoundError, ImportError: there is no such policy or difficulty, or ``num_levels`` is not
+            from 1 to NUM_EVALUATION_SEEDS, so that the sets do not overlap.
     """
-    if num_levels < 1:
-        raise ValueError(f"levels: expected at least 1, received {num_levels}.")
+    if not 1 <= num_levels <= NUM_EVALUATION_SEEDS:
+        raise ValueError(f"levels: expected 1 to {NUM_EVALUATION_SEEDS}, received {num_levels}.")
     if not difficulties:
         raise ValueError(f"difficulty: expected one or more of {', '.join(DIFFICULTY_NAMES)}, received none.")
     checked = [one_of(difficulty, DIFFICULTY_NAMES, "difficulty") for difficulty in difficulties]

@@ -10,6 +10,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from rich import box
 from rich.console import Console
 from rich.table import Table
@@ -21,8 +22,14 @@ from minigolf_env.evaluation.benchmark import LevelSetResult
 from minigolf_env.evaluation.evaluate import EvaluationResult
 from minigolf_env.evaluation.statistics import Interval
 
-PERCENT_ROUNDOFF = 1e-9
-"""Rounding error of a percentage, which must not move the end of an interval to the next number."""
+INTERVAL_ROUNDOFF = 1e-9
+"""Rounding error of the end of an interval, in units of its last digit, which must not move it to the next number."""
+
+MIN_NAME_WIDTH = 10
+"""Width of the names of policies with which a table fits into 80 columns; longer names are folded."""
+
+NUMBERS_WIDTH = 80 - MIN_NAME_WIDTH
+"""Width of the other columns of the table of evaluations."""
 
 
 def write_json_report(path: Path, *libraries: str, **report: Any) -> None:
@@ -57,8 +64,10 @@ def print_evaluations(results: Sequence[EvaluationResult]) -> None:
     noise = "noise of {:g} degrees and {:.1%}, ".format(*first.putt_noise) if any(first.putt_noise) else ""
     course = first.course if first.difficulty is None else f"{first.course}, {first.difficulty}"
     table = _new_table(f"{course}: {noise}fixed seeds, [95 % confidence intervals]")
-    for column in ("policy", "episodes", "mean strokes", "holed out", "hole-in-one"):
-        table.add_column(column, justify="left" if column == "policy" else "right")
+    name_width = max(MIN_NAME_WIDTH, Console().width - NUMBERS_WIDTH)
+    table.add_column("policy", overflow="fold", max_width=name_width)
+    for column in ("episodes", "mean strokes", "holed out", "hole-in-one"):
+        table.add_column(column, justify="right")
     for result in results:
         table.add_row(
             result.policy,
@@ -100,15 +109,21 @@ def print_table(table: Table) -> None:
 
 
 def format_with_interval(value: float, interval: Interval) -> str:
-    """Return a number and its interval as text: 2.50 [2.31, 2.69]."""
-    return f"{value:.2f} [{interval[0]:.2f}, {interval[1]:.2f}]"
+    """Return a number and its interval, rounded outwards, as text: 2.50 [2.31, 2.70]."""
+    low, high = _round_outwards(interval, 100.0)
+    return f"{value:.2f} [{low / 100.0:.2f}, {high / 100.0:.2f}]"
 
 
 def format_percentage(fraction: float, interval: Interval) -> str:
     """Return a fraction and its interval, rounded outwards, as text in percent: 91.0% [86, 95]."""
-    low = math.floor(100.0 * interval[0] + PERCENT_ROUNDOFF)
-    high = math.ceil(100.0 * interval[1] - PERCENT_ROUNDOFF)
-    return f"{fraction:.1%} [{low}, {high}]"
+    low, high = _round_outwards(interval, 100.0)
+    return f"{fraction:.1%} [{low:.0f}, {high:.0f}]"
+
+
+def _round_outwards(interval: Interval, scale: float) -> Interval:
+    """Return the smallest interval between whole numbers that contains ``scale`` times an interval."""
+    low, high = (scale * end for end in interval)
+    return float(np.floor(low + INTERVAL_ROUNDOFF)), float(np.ceil(high - INTERVAL_ROUNDOFF))
 
 
 def _new_table(title: str) -> Table:

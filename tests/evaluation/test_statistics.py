@@ -9,7 +9,7 @@ import pytest
 
 from minigolf_env.evaluation.benchmark import LevelSetResult
 from minigolf_env.evaluation.evaluate import EvaluationResult
-from minigolf_env.evaluation.report import format_percentage, print_benchmark, print_evaluations
+from minigolf_env.evaluation.report import format_percentage, format_with_interval, print_benchmark, print_evaluations
 from minigolf_env.evaluation.statistics import NORMAL_QUANTILE_95, mean_interval, ratio_interval, wilson_interval
 
 
@@ -67,13 +67,30 @@ def test_percentages_are_rounded_outwards(fraction: float, interval: tuple[float
     assert format_percentage(fraction, interval) == text
 
 
-def test_tables_fit_into_80_columns(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    ("interval", "text"),
+    [
+        ((0.996, 1.004), "1.00 [0.99, 1.01]"),
+        ((1.0, 1.004), "1.00 [1.00, 1.01]"),
+        ((1.0, 1.0), "1.00 [1.00, 1.00]"),
+        ((0.29, 0.58), "1.00 [0.29, 0.58]"),
+    ],
+)
+def test_means_are_rounded_outwards(interval: tuple[float, float], text: str) -> None:
+    """An interval of a positive width is never printed as one number, and exact ends stay as they are."""
+    assert format_with_interval(1.0, interval) == text
+
+
+@pytest.mark.parametrize("policy", ["generalist", "runs/procedural-12/checkpoint.npz"])
+def test_tables_fit_into_80_columns(
+    policy: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     """No cell is broken, with the longest names and widest numbers."""
     monkeypatch.setenv("COLUMNS", "80")
     interval = (10.0, 10.0)
     wide = {"strokes": 10.0, "strokes_interval": interval, "holed": 1.0, "holed_interval": (0.996, 1.0)}
     score = EvaluationResult(
-        policy="generalist",
+        policy=policy,
         sha256=None,
         course="procedural",
         difficulty="medium",
@@ -97,7 +114,7 @@ def test_tables_fit_into_80_columns(capsys: pytest.CaptureFixture[str], monkeypa
         **wide,  # type: ignore[arg-type]
     )
     print_evaluations([score])
-    print_benchmark("generalist", [level_set])
+    print_benchmark(policy, [level_set])
     lines = capsys.readouterr().out.splitlines()
     assert max(map(len, lines)) <= 80
     rows = [line for line in lines if "10.00 [10.00, 10.00]" in line and "100.0% [99, 100]" in line]
