@@ -308,9 +308,9 @@ def test_putt_noise_has_the_given_standard_deviations() -> None:
         ("max_stroke", "did you mean 'max_strokes'"),
         ("num_env", "gymnasium.make_vec"),
         ("render_modes", "did you mean 'render_mode'"),
-        ("render_fps", "render_speed"),
-        ("level", "reset"),
-        ("hole", "reset"),
+        ("render_fps", "render_speed is the speed of the putts"),
+        ("level", r"reset\(options={\"level\": 17}\)"),
+        ("hole", r"reset\(options={\"hole\": 3}\)"),
     ],
 )
 def test_unknown_argument_of_gym_make_is_named_as_python_does(name: str, advice: str) -> None:
