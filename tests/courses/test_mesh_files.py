@@ -212,6 +212,26 @@ def test_polygon_whose_edges_cross_is_an_error_with_its_line(tmp_path: Path) -> 
         read(as_obj(vertices, polygons), "obj", tmp_path)
     with pytest.raises(CourseError, match="face 0: expected a polygon"):
         read(as_ply(vertices, polygons, "<"), "ply", tmp_path)
+    bow_tie = prism([(0, 0), (1, 1), (1, 0), (0, 1)])  # Its halves have opposite areas.
+    with pytest.raises(CourseError, match="line 9: expected a polygon whose edges do not cross"):
+        read(as_obj(*bow_tie), "obj", tmp_path)
+
+
+def test_polygon_with_a_hole_through_a_double_edge_is_filled_exactly(tmp_path: Path) -> None:
+    """A polygon may reach its hole along an edge and return along it."""
+    corners = [(0, 0), (4, 0), (4, 4), (0, 4), (1, 1), (1, 3), (3, 3), (3, 1)]
+    vertices = [(*corner, z) for z in (0.0, 1.0) for corner in corners]
+    ring = [0, 1, 2, 3, 0, 4, 5, 6, 7, 4]
+    loops = [[0, 1, 2, 3], [4, 5, 6, 7]]
+    edges = [edge for loop in loops for edge in zip(loop, loop[1:] + loop[:1], strict=True)]
+    polygons = [[k + 8 for k in ring], ring[::-1], *([a, b, b + 8, a + 8] for a, b in edges)]
+    assert is_box(read(as_obj(vertices, polygons), "obj", tmp_path), 12.0)
+
+
+def test_comment_that_ends_with_a_backslash_does_not_hide_the_next_line(tmp_path: Path) -> None:
+    """Programs write folders into comments."""
+    solid = as_obj(*prism([(0, 0), (1, 0), (1, 1), (0, 1)]))
+    assert is_box(read("# C:\\models\\\n" + solid, "obj", tmp_path), 1.0)
 
 
 def test_relative_obj_indices_count_back_from_their_line(tmp_path: Path) -> None:
@@ -251,6 +271,53 @@ def test_binary_stl_count_must_agree_with_the_length(tmp_path: Path) -> None:
     for count in (0, 13, 2**31):
         with pytest.raises(CourseError, match=f"the {count} triangles that the header counts .* enough for 12"):
             read(whole[:80] + count.to_bytes(4, "little") + whole[84:], "stl", tmp_path)
+    with pytest.raises(CourseError, match=r"expected an \.stl file of 84 bytes or more, .* received 40 bytes"):
+        read(whole[:40], "stl", tmp_path)
+
+
+@pytest.mark.parametrize("start", ["", "# made by hand\n", "\n\n", "Solid part\n", "facets\n"])
+@pytest.mark.parametrize("word", ["vertex", "Vertex", "VERTEX"])
+def test_text_stl_may_begin_with_anything(start: str, word: str, tmp_path: Path) -> None:
+    """A text is told from a binary file by its vertices, not by its first word."""
+    text = trimesh.creation.box((2, 2, 0.2)).export(file_type="stl_ascii").split("\n", 1)[1]
+    assert is_box(read(start + text.replace("vertex", word), "stl", tmp_path), 0.8)
+
+
+def test_numbers_of_a_text_stl_take_memory_in_proportion(tmp_path: Path) -> None:
+    """One long number does not make all others as long."""
+    text = "solid\n" + "vertex 0 0 0\n" * 2_997 + f"vertex {'0' * 100_000} 0 0\n" * 3
+    tracemalloc.start()
+    read(text, "stl", tmp_path)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 100 * len(text)
+
+
+@pytest.mark.parametrize("number", ["nan", "inf", "2.5", "12", "-1"])
+def test_ply_index_that_is_no_vertex_is_an_error_that_names_its_face(number: str, tmp_path: Path) -> None:
+    """A text may hold any number in place of an index."""
+    text = as_ply(*prism(L_SHAPE), "").decode()
+    first = text.index("\n6 ") + 1
+    with pytest.raises(CourseError, match="face 0: expected three or more of 12 vertices"):
+        read(text[:first] + "6 6 7 8 9 10 " + number + text[text.index("\n", first) :], "ply", tmp_path)
+
+
+@pytest.mark.parametrize("length", ["nan", "inf", "1e300"])
+def test_ply_list_of_impossible_length_is_an_error(length: str, tmp_path: Path) -> None:
+    """A text may hold any number in place of the length of a list."""
+    text = as_ply(*prism(L_SHAPE), "").decode()
+    with pytest.raises(CourseError, match=r"expected 8 rows of an element of a \.ply file, received fewer or others"):
+        read(text.replace("\n6 ", f"\n{length} ", 1), "ply", tmp_path)
+
+
+def test_ply_element_without_properties_has_no_rows_to_read(tmp_path: Path) -> None:
+    """The count of such an element costs neither time nor memory."""
+    text = as_ply(*prism(L_SHAPE), "").decode().replace("element vertex", "element none 400000\nelement vertex")
+    tracemalloc.start()
+    assert is_box(read(text, "ply", tmp_path), 3.0)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 2e6
 
 
 @pytest.mark.parametrize(

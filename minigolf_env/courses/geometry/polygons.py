@@ -54,11 +54,11 @@ def _triangulate_polygon(corners: NDArray[np.float64]) -> NDArray[np.int64] | No
     normals = np.cross(relative[fan[:, 1]], relative[fan[:, 2]])
     normal = normals.sum(axis=0)
     area = float(np.linalg.norm(normal))
+    if area == 0.0:  # All corners on one line, or edges that cross.
+        return None if normals.any() else fan
     # A fan is right for a convex polygon; a corner on an edge or a repeated corner gives a triangle without area.
     if (normals @ normal >= 0.0).all():
         return fan
-    if area == 0.0:
-        return None
     # Project the polygon along its normal, and match the corners of the triangles by their places.
     axis = np.eye(3)[np.abs(normal).argmin()]
     u = np.cross(normal, axis)

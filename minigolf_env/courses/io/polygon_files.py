@@ -88,35 +88,42 @@ def read_obj(content: bytes, limits: Limits) -> Triangles:
 
 
 def _continued_lines(text: str) -> list[str]:
-    """Return the lines of a text; one that ends with a backslash has the next appended, which then is empty."""
+    """Return the lines of a text; one that ends with a backslash has the next appended, which then is empty.
+
+    Comments are not continued: they may end with the path of a folder.
+    """
     if "\\\n" not in text:
         return text.split("\n")
     lines: list[str] = []
     parts: list[str] = []
     for line in text.split("\n"):
-        parts.append(line.removesuffix("\\"))
-        if not line.endswith("\\"):
+        is_continued = line.endswith("\\") and "#" not in line
+        parts.append(line[:-1] if is_continued else line)
+        if not is_continued:
             lines += ["".join(parts), *[""] * (len(parts) - 1)]
             parts = []
     return [*lines, "".join(parts)]
 
 
 def read_stl(content: bytes, limits: Limits) -> Triangles:
-    """Return the triangles of an .stl file, binary or text.
+    """Return the triangles of an .stl file: binary if its length is as its header counts, text if it has vertices.
 
     Raises:
         CourseError: the count of a binary file disagrees with its length, or a text has an incomplete triangle.
     """
     claimed = int.from_bytes(content[80:STL_HEADER_BYTES], "little")
     num_bytes = len(content) - STL_HEADER_BYTES
-    is_text = content.lstrip(b"\xef\xbb\xbf \t\r\n")[:5].lower() == b"solid" and (
-        b"vertex" in content or b"VERTEX" in content
-    )
+    is_text = re.search(rb"\bvertex[ \t]+[-+.\d]", content, re.IGNORECASE) is not None
     if num_bytes == claimed * STL_RECORD.itemsize or not is_text:
-        if num_bytes < claimed * STL_RECORD.itemsize or (claimed == 0 and num_bytes > 0) or num_bytes < 0:
+        if num_bytes < 0:
+            raise CourseError(
+                f"expected an .stl file of {STL_HEADER_BYTES} bytes or more, or a text with vertices, received "
+                f"{len(content)} bytes; export it again."
+            )
+        if num_bytes < claimed * STL_RECORD.itemsize or (claimed == 0 and num_bytes > 0):
             raise CourseError(
                 f"expected the {claimed} triangles that the header counts in a binary .stl file, received "
-                f"{max(0, num_bytes)} bytes, enough for {max(0, num_bytes) // STL_RECORD.itemsize}; export it again."
+                f"{num_bytes} bytes, enough for {num_bytes // STL_RECORD.itemsize}; export it again."
             )
         limits.check_triangles(claimed)  # Bytes after the last triangle are of no concern.
         corners = np.frombuffer(content, STL_RECORD, claimed, STL_HEADER_BYTES)["corners"].reshape(-1, 3)
@@ -127,7 +134,7 @@ def read_stl(content: bytes, limits: Limits) -> Triangles:
         if len(rows) % 3:
             raise CourseError(f"expected three vertices for each triangle in a text .stl file, received {len(rows)}.")
         try:
-            corners = np.array(rows, dtype="S").astype(np.float64).reshape(-1, 3)
+            corners = np.array([[float(word) for word in row] for row in rows]).reshape(-1, 3)
         except ValueError as error:
             raise CourseError(
                 f"expected numbers after 'vertex' in a text .stl file, received others: {error}."
@@ -153,13 +160,16 @@ def read_ply(content: bytes, limits: Limits) -> Triangles:
             limits.check_triangles(count)
         if (name == "vertex" and len(found) != 3) or (name == "face" and (len(found) != 1 or not found[0][2])):
             raise CourseError(f"expected {' or '.join(wanted)} of each {name} in a .ply file, received none.")
+        if not properties:  # Its rows hold nothing.
+            continue
         rows = reader.read_rows(count, properties, [prop[0] for prop in found], limits)
         if name == "vertex":
             vertices = np.array(rows, np.float64).reshape(-1, 3)
         elif name == "face":
-            polygons = [[int(index) for index in row[0]] for row in rows]
+            polygons = [row[0] for row in rows]
     for number, polygon in enumerate(polygons):
-        if len(polygon) < 3 or min(polygon) < 0 or max(polygon) >= len(vertices):
+        are_whole = all(index % 1 == 0 for index in polygon)
+        if len(polygon) < 3 or not are_whole or min(polygon) < 0 or max(polygon) >= len(vertices):
             raise CourseError(
                 f"face {number}: expected three or more of {len(vertices)} vertices, received {polygon!r:.60}."
             )
@@ -219,7 +229,7 @@ class _PlyReader:
                 rows.append([row[name] for name in wanted])
                 num_corners += sum(len(value) for value in rows[-1] if isinstance(value, list))
                 limits.check_triangles(num_corners // 3)
-        except (StopIteration, ValueError) as error:
+        except (OverflowError, StopIteration, ValueError) as error:
             if isinstance(error, CourseError):
                 raise
             raise CourseError(
