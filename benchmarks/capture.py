@@ -12,15 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 import tyro
 
+from benchmarks.peers.engine import GRAVITY_ACCELERATION
 from benchmarks.report import print_table
 from minigolf_env.courses.builder import CourseBuilder
 from minigolf_env.envs.config import build_task
 
 START_DISTANCES = np.linspace(0.01, 0.05, 32)
 """Distances from the rim at which the ball starts to roll, m: time steps begin at different places before the cup."""
-
-GRAVITY_ACCELERATION = 9.81
-"""Acceleration of gravity, m/s^2."""
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-import warnings
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -11,7 +10,7 @@ from tqdm import tqdm
 
 from minigolf_env._validation import integer, one_of
 from minigolf_env.envs import MiniGolfEnv, round_reset_options
-from minigolf_env.envs.config import UnseenLevelWarning
+from minigolf_env.envs.config import ignore_unseen_levels
 from minigolf_env.players.policies import Policy, load_policy, warn_if_untrained
 from minigolf_env.rendering import RENDER_PROFILES, check_size, frame_count
 from minigolf_env.rendering.video_writer import VideoWriter, check_fps, check_path
@@ -62,8 +61,7 @@ def record_policy(
     env_args |= {"observation": player.observation, "difficulty": difficulty}
     # Play all episodes before drawing, each in an environment that keeps its putts: the progress bar then has a total.
     warn_if_untrained(player, course)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UnseenLevelWarning)  # Search and random players see no level either.
+    with ignore_unseen_levels():
         envs = [MiniGolfEnv(course, "rgb_array_list", **env_args) for _ in range(episodes)]
     progress = tqdm(envs, "Playing", leave=False, disable=None)
     results = [_play(env, player, seed + k, round_reset_options(course, k), fps) for k, env in enumerate(progress)]

@@ -8,7 +8,8 @@ from __future__ import annotations
 import difflib
 import functools
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple, TypedDict
@@ -77,6 +78,14 @@ UNSEEN_LEVEL_MESSAGE = (
 
 class UnseenLevelWarning(UserWarning):
     """Warning that an agent cannot see which level it plays; search and random players need not."""
+
+
+@contextmanager
+def ignore_unseen_levels() -> Iterator[None]:
+    """Make environments without an UnseenLevelWarning, for players such as search that are not trained."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UnseenLevelWarning)
+        yield
 
 
 class EnvOptions(TypedDict, total=False):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -13,7 +12,7 @@ from tqdm import tqdm
 from minigolf_env._validation import one_of
 from minigolf_env.courses.procedural import DIFFICULTY_NAMES, PROCEDURAL_COURSE
 from minigolf_env.envs import MiniGolfEnv, MiniGolfVectorEnv
-from minigolf_env.envs.config import UnseenLevelWarning
+from minigolf_env.envs.config import ignore_unseen_levels
 from minigolf_env.evaluation import FIRST_EVALUATION_SEED, NUM_EVALUATION_SEEDS
 from minigolf_env.evaluation.rollout import EpisodeResult, run_episode, run_episodes_batched, search_strokes
 from minigolf_env.evaluation.statistics import Interval, mean_interval, ratio_interval, wilson_interval
@@ -80,19 +79,18 @@ def benchmark(
     if not difficulties:
         raise ValueError(f"difficulty: expected one or more of {', '.join(DIFFICULTY_NAMES)}, received none.")
     checked = [one_of(difficulty, DIFFICULTY_NAMES, "difficulty") for difficulty in difficulties]
-    observation = load_policy(policy_name, seed).observation
+    policy = load_policy(policy_name, seed)
+    warn_if_untrained(policy, PROCEDURAL_COURSE)
     for difficulty in checked:
         env_args: dict[str, Any] = {
             "difficulty": difficulty,
             "max_strokes": max_strokes,
             "tee": "fixed",
-            "observation": observation,
+            "observation": policy.observation,
         }
         for level_set, first in (("train", FIRST_TRAINING_LEVEL), ("held out", FIRST_EVALUATION_SEED)):
             policy = load_policy(policy_name, seed)  # A new one: a set's scores do not depend on the sets before it.
-            warn_if_untrained(policy, PROCEDURAL_COURSE)
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore", UnseenLevelWarning)  # Search and random players see no level either.
+            with ignore_unseen_levels():
                 result = _evaluate_set(policy, level_set, range(first, first + num_levels), env_args)
             yield result
 

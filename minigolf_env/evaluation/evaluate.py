@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import warnings
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -14,7 +13,7 @@ from tqdm import tqdm
 from minigolf_env._validation import one_of
 from minigolf_env.courses.procedural import DIFFICULTY_NAMES, PROCEDURAL_COURSE
 from minigolf_env.envs import MiniGolfEnv, MiniGolfVectorEnv, round_reset_options
-from minigolf_env.envs.config import UnseenLevelWarning
+from minigolf_env.envs.config import ignore_unseen_levels
 from minigolf_env.envs.samplers import LevelSampler
 from minigolf_env.evaluation import FIRST_EVALUATION_SEED
 from minigolf_env.evaluation.rollout import EpisodeResult, run_episode, run_episodes_batched
@@ -107,8 +106,7 @@ def evaluate(
     warn_if_untrained(policy, str(course))
     # Play the episodes.
     starts = [_EpisodeStart.of(course, first_seed, k) for k in range(episodes)]
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UnseenLevelWarning)  # Search and random players see no level either.
+    with ignore_unseen_levels():
         if isinstance(policy, BatchPolicy) and not watch:
             results = _run_batches(policy, course, starts, env_args)
         else:

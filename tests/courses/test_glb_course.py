@@ -415,7 +415,7 @@ WOOD = 3
 def test_features_that_are_not_applied_name_their_object(
     change: Callable[[dict[str, Any]], None], message: str, tmp_path: Path
 ) -> None:
-    """What would move a mesh, and a misspelt property, is an error and not ignored."""
+    """A feature that would move a mesh, or a misspelt property, is an error that names the object."""
     with pytest.raises(CourseError, match=message):
         load_scene(tmp_path, change)
 

@@ -91,7 +91,7 @@ def test_floors_as_blender_exports_them_hold_a_cup(scale: tuple[float, ...], hei
 
 @pytest.mark.parametrize("order", [1, -1])
 def test_only_the_floor_that_holds_the_cup_is_cut(order: int) -> None:
-    """Other floors, beside, below or above, stay as they are."""
+    """A floor next to, below or above the one that holds the cup stays whole."""
     parts = [
         floor((-1, -1, -0.2), (2, 1, 0), name="tee floor"),
         floor((2, -1, -0.2), (4, 1, 0), name="cup floor"),
@@ -160,7 +160,7 @@ def test_bridge_of_the_same_mesh_does_not_hide_the_cup() -> None:
 
 
 def test_default_bounds_hold_lanes_with_heights_and_mesh_floors() -> None:
-    """A ball on high or low ground, or on a floor beside the lanes, is within the default bounds."""
+    """A ball on high or low ground, or on a floor next to the lanes, is within the default bounds."""
     rise = {"kind": "along", "at": [0, 0], "profile": [(0, 0), (2, 3), (4, -1)]}
     lane = {"kind": "lane", "outline": [{"box": [0, 0, 4, 1]}], "heights": [rise]}
     part = floor((-3, -1, -0.2), (-1, 1, 0))

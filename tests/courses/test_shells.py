@@ -29,7 +29,7 @@ def join(*solids: Trimesh) -> Trimesh:
 
 @pytest.mark.parametrize("inverted", list(itertools.product([False, True], repeat=3)))
 def test_shells_face_outwards_and_cavities_inwards(inverted: tuple[bool, bool, bool]) -> None:
-    """Of two blocks, one with a hollow, every winding gives the same solid: volume 8 - 1 + 8."""
+    """Shells of any winding become the same two blocks, one of them hollow: volume 8 - 1 + 8."""
     mesh = orient_shells(join(box(2.0, 0.0, inverted[0]), box(1.0, 0.0, inverted[1]), box(2.0, 5.0, inverted[2])))
     assert mesh.volume == pytest.approx(15.0)
     volumes = sorted(float(shell.volume) for shell in mesh.split(only_watertight=False))

@@ -89,7 +89,7 @@ def test_rejects_unknown_policy_names(tmp_path: Path) -> None:
 
 
 def test_model_on_a_course_that_it_was_not_trained_on_is_a_warning(tmp_path: Path) -> None:
-    """A model without sight of walls warns on other courses; its card or the configuration of its run names its own."""
+    """A model that observes no walls warns on other courses; its card or the configuration of its run names its own."""
     model = load_policy("ppo")
     with pytest.warns(UserWarning, match="trained on dogleg"):
         warn_if_untrained(model, "bank")

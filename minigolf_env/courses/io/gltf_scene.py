@@ -21,12 +21,17 @@ from numpy.typing import NDArray
 from trimesh.transformations import quaternion_matrix
 
 from minigolf_env.courses.course import CourseError
-from minigolf_env.courses.io.gltf_features import animated_nodes, check_mesh_node, check_required_extensions, is_hidden
+from minigolf_env.courses.io.gltf_features import (
+    JsonObject,
+    animated_nodes,
+    check_mesh_node,
+    check_required_extensions,
+    is_hidden,
+)
 from minigolf_env.courses.schema.limits import MAX_COURSE_COORDINATE, Limits
 
 FloatArray: TypeAlias = NDArray[np.float64]
 IntArray: TypeAlias = NDArray[np.int64]
-JsonObject: TypeAlias = dict[str, Any]
 
 EXACT_VERTICES_KEY = "exact_vertices"
 """Extra property of an object: its vertices as base64 of little-endian float64, because glTF stores positions as

@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from minigolf_env.courses.io.gltf_features import JsonObject
 from minigolf_env.courses.io.gltf_scene import (
     EXACT_VERTICES_KEY,
     FLOAT_COMPONENT,
     FloatArray,
     IntArray,
-    JsonObject,
     SceneObject,
     z_up_to_y_up,
 )

@@ -25,7 +25,7 @@ KEY_DOT = re.compile(r"\.[ \t]*(?=[\w\"'-])")
 MAX_KEY_DOTS = 100
 """Largest number of dots in a key; course files need two."""
 
-TABLE_HEADER = re.compile(r"^[ \t]*\[{1,2}[^\[\],=\n]*\]", re.MULTILINE)
+TOML_TABLE_HEADER = re.compile(r"^[ \t]*\[{1,2}[^\[\],=\n]*\]", re.MULTILINE)
 """Header of a table; a row of an array that has two numbers does not match."""
 
 MAX_KEY_PARTS = 50_000
@@ -149,7 +149,7 @@ def _check_key_lengths(text: str) -> None:
 
     For one key its time and memory are quadratic in the number of parts.
     """
-    num_parts = sum(1 for _ in TABLE_HEADER.finditer(text))
+    num_parts = sum(1 for _ in TOML_TABLE_HEADER.finditer(text))
     for piece in re.split(r"[=,\[\]{}\n#]", text):
         dots = len(KEY_DOT.findall(piece))
         if dots > MAX_KEY_DOTS:
