@@ -380,6 +380,20 @@ def test_context_that_another_library_ended_is_made_again(end: str) -> None:
         assert all((one == other).all() for one, other in zip(before, after, strict=True))
 
 
+def test_ended_context_of_another_library_does_not_disturb_pictures() -> None:
+    """Another library's context, current in this thread, may have ended with the display: then none is restored."""
+    from OpenGL import EGL
+
+    env = MiniGolfEnv(render_mode="rgb_array", render_size=(160, 120))
+    env.reset(seed=0)
+    before = env.render()
+    other = gl_context.EGLContext()
+    EGL.eglMakeCurrent(other._display, EGL.EGL_NO_SURFACE, EGL.EGL_NO_SURFACE, other._context)
+    EGL.eglTerminate(other._display)
+    for _ in range(2):
+        assert (env.render() == before).all()
+
+
 def test_context_that_ends_again_at_once_is_a_rendering_error(monkeypatch: pytest.MonkeyPatch) -> None:
     """One new context is tried, no more."""
     from OpenGL import EGL

@@ -90,7 +90,10 @@ class EGLContext:
                 try:
                     yield
                 finally:
-                    egl.eglMakeCurrent(*previous)
+                    try:
+                        egl.eglMakeCurrent(*previous)
+                    except egl.EGLError:  # Its owner has ended the context that was current before: leave none.
+                        egl.eglMakeCurrent(self._display, egl.EGL_NO_SURFACE, egl.EGL_NO_SURFACE, egl.EGL_NO_CONTEXT)
 
     def _create(self) -> tuple[Any, Any]:
         """Return the first display that can draw, and a context on it."""
