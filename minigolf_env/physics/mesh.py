@@ -30,7 +30,8 @@ class TriangleMesh:
         two_sided: sides from which the mesh stops a ball.
             None: both, unless the mesh is closed and consistently wound.
             False: the front only; an error unless the mesh is closed and consistently wound.
-            True: both. Required for a closed mesh that crosses itself and is inside out in part: this is not detected.
+            True: both. Required for a closed mesh of which a piece is inside out, or that crosses itself: this is not
+                detected. Mesh parts of courses are oriented piece by piece.
         name: name of the mesh in error messages.
 
     Raises:

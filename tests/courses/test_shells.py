@@ -6,12 +6,15 @@ import itertools
 
 import numpy as np
 import pytest
+import shapely
 import trimesh
 from trimesh import Trimesh
 
 from minigolf_env.courses import CourseError
-from minigolf_env.courses.geometry.shells import MAX_NESTED_SHELLS, orient_shells
+from minigolf_env.courses.geometry import shells
+from minigolf_env.courses.geometry.shells import orient_shells
 from minigolf_env.courses.io.toml_course import build_course, validate_description
+from minigolf_env.physics import TriangleMesh
 
 
 def box(size: float, x: float = 0.0, inverted: bool = False) -> Trimesh:
@@ -55,11 +58,62 @@ def test_ball_bounces_off_every_shell_of_a_part() -> None:
     assert 1.75 < shot.path[:, 0].max() < 1.8 - world.ball_radius + 1e-9
 
 
-def test_too_many_nested_shells_are_an_error() -> None:
-    """The number of pairs that are compared is bounded, so that a small file cannot take minutes."""
-    count = int(np.sqrt(2 * MAX_NESTED_SHELLS)) + 2
-    with pytest.raises(CourseError, match="pieces of a mesh over or within each other"):
-        orient_shells(join(*(box(1.0 + k) for k in range(count))))
+def block(low: tuple[float, float, float], inverted: bool) -> Trimesh:
+    """Return a C-shaped block of volume 7 from a corner on, wound outwards or inwards."""
+    outline = shapely.Polygon([(0, 0), (3, 0), (3, 1), (1, 1), (1, 2), (3, 2), (3, 3), (0, 3)])
+    solid = trimesh.creation.extrude_polygon(outline, 1.0)
+    return Trimesh(solid.vertices + low, solid.faces[:, ::-1] if inverted else solid.faces, process=False)
+
+
+@pytest.mark.parametrize("inverted", list(itertools.product([False, True], repeat=3)))
+@pytest.mark.parametrize("turn", [0.0, 0.7])
+def test_shells_that_share_whole_faces_are_oriented_one_by_one(turn: float, inverted: tuple[bool, bool, bool]) -> None:
+    """Blocks stacked face on face and cubes side by side are solid, however each is wound and the faces are mixed."""
+    stack = join(*(block((0, 0, k), inverted[k]) for k in range(3)))
+    row = join(*(box(1.0, k, inverted[k]) for k in range(3)))
+    for mesh, volume in ((stack, 21.0), (row, 3.0)):
+        mesh.apply_transform(trimesh.transformations.rotation_matrix(turn, (1, 2, 3)))
+        merged = Trimesh(mesh.vertices, mesh.faces)  # As read from a file: vertices of different blocks are one.
+        oriented = orient_shells(merged)
+        assert TriangleMesh(oriented.vertices, oriented.faces).is_closed
+        assert oriented.volume == pytest.approx(volume)
+
+
+@pytest.mark.parametrize("inverted", [False, True])
+def test_solid_of_repeated_faces_is_wound_outwards(inverted: bool) -> None:
+    """A box each of whose faces is there twice is two boxes at one place, and no room."""
+    cube = box(2.0, inverted=inverted)
+    assert orient_shells(Trimesh(cube.vertices, np.tile(cube.faces, (2, 1)), process=False)).volume == pytest.approx(16)
+
+
+def test_many_shells_over_or_on_a_large_one_are_no_error() -> None:
+    """Two thousand stones above a slab, within its outline, lie outside it."""
+    slab = trimesh.creation.box((200, 200, 1))
+    stones = [box(0.5, k % 50) for k in range(2000)]
+    for k, stone in enumerate(stones):
+        stone.apply_translation((0.0, k // 50, 2.0))
+    assert orient_shells(join(slab, *stones)).volume == pytest.approx(40_000 + 2000 * 0.125)
+
+
+def test_cost_of_nested_shells_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A mesh for which too many solid angles would have to be computed is an error before they are."""
+    nested = join(*(box(1.0 + k) for k in range(10)))
+    computed = 0
+    winding_number = TriangleMesh.winding_number
+
+    def count_solid_angles(mesh: TriangleMesh, points: np.ndarray) -> np.ndarray:
+        nonlocal computed
+        computed += len(points) * len(mesh.faces)
+        return winding_number(mesh, points)
+
+    monkeypatch.setattr(TriangleMesh, "winding_number", count_solid_angles)
+    orient_shells(nested)
+    assert computed == 45 * 12 * (1 + 8)  # Pairs, triangles of a box, and corners: the first, then all.
+    monkeypatch.setattr(shells, "MAX_SOLID_ANGLES", computed // 2)
+    computed = 0
+    with pytest.raises(CourseError, match="few pieces lie within the boxes around others, received one of 10 pieces"):
+        orient_shells(nested)
+    assert 0 < computed <= shells.MAX_SOLID_ANGLES
 
 
 def test_open_mesh_names_a_place_and_an_edge() -> None:

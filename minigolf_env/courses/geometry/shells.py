@@ -12,14 +12,20 @@ from trimesh import Trimesh
 from minigolf_env.courses.course import CourseError
 from minigolf_env.physics import TriangleMesh
 
-MAX_NESTED_SHELLS = 1000
-"""Largest number of pairs of shells, one in the bounding box of the other."""
+MAX_SOLID_ANGLES = 100_000_000
+"""Largest number of solid angles, of a triangle seen from a corner, that are computed to find shells within others."""
+
+MAX_SOLID_ANGLES_AT_ONCE = 50_000
+"""Largest number of solid angles that are computed together, unless a shell alone has more."""
 
 MAX_TESTED_CORNERS = 16
 """Largest number of a shell's corners that are tested to be within another shell."""
 
 MIN_WINDING_INSIDE = 0.75
 """Smallest winding number of a shell around a point inside; on its surface it is a half."""
+
+ANGLE_DECIMALS = 6
+"""Decimals to which angles of faces around an edge are compared, rad: equal ones lie on each other."""
 
 
 def orient_shells(mesh: Trimesh) -> Trimesh:
@@ -31,12 +37,9 @@ def orient_shells(mesh: Trimesh) -> Trimesh:
         CourseError: too many shells lie within each other.
     """
     corners = np.array(mesh.triangles)
-    shells = _split_into_shells(mesh)
-    if len(shells) == 1:
-        return mesh if mesh.volume >= 0.0 else Trimesh(mesh.vertices, mesh.faces[:, ::-1], process=False)
-    depths = np.zeros(len(shells), np.int64)
-    for inner, outer in _nested_boxes(corners, shells):
-        depths[inner] += _contains(corners[shells[outer]], corners[shells[inner]])
+    _, places = np.unique(mesh.vertices, axis=0, return_inverse=True)
+    shells = _split_into_shells(corners, places.reshape(-1)[mesh.faces])
+    depths = _count_enclosing_shells(corners, shells)
     is_turned = np.zeros(len(corners), np.bool_)
     for rows, depth in zip(shells, depths, strict=True):
         a, b, c = np.moveaxis(corners[rows] - corners[rows[0], 0], 1, 0)
@@ -47,13 +50,92 @@ def orient_shells(mesh: Trimesh) -> Trimesh:
     return Trimesh(mesh.vertices, np.where(is_turned[:, None], mesh.faces[:, ::-1], mesh.faces), process=False)
 
 
-def _split_into_shells(mesh: Trimesh) -> list[NDArray[np.int64]]:
-    """Return the rows of the faces of each shell; faces that share an edge are of one shell."""
-    _, unique = np.unique(mesh.vertices, axis=0, return_inverse=True)
-    joined = Trimesh(mesh.vertices, unique.reshape(-1)[mesh.faces], process=False)
-    labels = _connected_components(joined.face_adjacency, len(mesh.faces))
+def _split_into_shells(corners: NDArray[np.float64], places: NDArray[np.int64]) -> list[NDArray[np.int64]]:
+    """Return the rows of the faces of each shell.
+
+    Two faces that share an edge are of one shell. Where more meet at an edge, because shells touch, each face is joined
+    with the next around the edge that passes it the other way.
+
+    Args:
+        corners: (F, 3, 3) corners of the faces, m.
+        places: (F, 3) numbers of the corners' places: corners at the same place have the same.
+    """
+    # Number the edges and count the sides of faces at each; side s of face f is number s * F + f.
+    starts = places.T.reshape(-1)
+    ends = np.roll(places, -1, axis=1).T.reshape(-1)
+    keys = np.minimum(starts, ends) * (places.max() + 1) + np.maximum(starts, ends)
+    _, edge, count = np.unique(keys, return_inverse=True, return_counts=True)
+    edge = edge.reshape(-1)
+    count[edge[starts == ends]] = 0  # No edge: both ends are at one place.
+    order = np.argsort(edge, kind="stable")
+    pairs = order[count[edge[order]] == 2].reshape(-1, 2) % len(places)
+    labels = _connected_components(pairs, len(places))
+
+    # Join faces at edges where shells touch.
+    shared = order[count[edge[order]] > 2]
+    if shared.size:
+        is_forward = (starts < ends)[shared]
+        around = _order_around_edges(shared, edge[shared], is_forward, corners, labels)
+        joined = _match_directions((shared % len(places))[around], edge[shared][around], is_forward[around])
+        labels = _connected_components(np.concatenate([pairs, joined]), len(places))
     order = np.argsort(labels, kind="stable")
     return np.split(order, np.flatnonzero(np.diff(labels[order])) + 1)
+
+
+def _order_around_edges(
+    sides: NDArray[np.int64],
+    edges: NDArray[np.int64],
+    is_forward: NDArray[np.bool_],
+    corners: NDArray[np.float64],
+    labels: NDArray[np.int64],
+) -> NDArray[np.int64]:
+    """Return the order (K,) of sides of faces by edge, and by angle around each edge.
+
+    Faces that lie on each other are taken in the order of their labels along one normal, whatever edge they are seen
+    from, so that the same faces are joined at all edges of the place where shells touch.
+
+    Args:
+        sides: (K,) numbers of the sides, those of an edge in a row.
+        edges: (K,) numbers of their edges.
+        is_forward: (K,) whether the sides pass their edges in the direction that angles are measured around.
+        corners: (F, 3, 3) corners of the faces, m.
+        labels: (F,) labels of the patches of faces that are joined already.
+    """
+    side, face = np.divmod(sides, len(corners))
+    start = corners[face, (side + np.logical_not(is_forward)) % 3]
+    axis = corners[face, (side + is_forward) % 3] - start
+    axis /= np.linalg.norm(axis, axis=1)[:, None]
+    # Measure the angles from the first face of each edge. An arm and the direction ahead of it are equally long.
+    arms = corners[face, (side + 2) % 3] - start
+    arms -= (arms * axis).sum(axis=1)[:, None] * axis
+    ahead = np.cross(axis, arms)
+    _, first, group = np.unique(edges, return_index=True, return_inverse=True)
+    origin = first[group.reshape(-1)]
+    angles = np.arctan2((arms * ahead[origin]).sum(axis=1), (arms * arms[origin]).sum(axis=1))
+    angles = np.round(angles, ANGLE_DECIMALS)
+    angles[angles <= -round(np.pi, ANGLE_DECIMALS)] *= -1.0
+    largest = np.abs(ahead).argmax(axis=1)
+    towards = np.sign(ahead[np.arange(len(ahead)), largest]).astype(np.int64)
+    return np.lexsort((towards * labels[face], angles, edges))
+
+
+def _match_directions(
+    faces: NDArray[np.int64], edges: NDArray[np.int64], is_forward: NDArray[np.bool_]
+) -> NDArray[np.int64]:
+    """Return pairs (P, 2) of faces next to each other around an edge that pass it in opposite directions.
+
+    The directions are matched as brackets are. All arrays are (K,), in the order around the edges.
+    """
+    pairs = []
+    unmatched: list[tuple[int, int, bool]] = []
+    for use in zip(faces.tolist(), edges.tolist(), is_forward.tolist(), strict=True):
+        if unmatched and unmatched[-1][1] != use[1]:
+            unmatched.clear()
+        if unmatched and unmatched[-1][2] != use[2]:
+            pairs.append((unmatched.pop()[0], use[0]))
+        else:
+            unmatched.append(use)
+    return np.array(pairs, np.int64).reshape(-1, 2)
 
 
 def _connected_components(edges: NDArray[np.int64], num_nodes: int) -> NDArray[np.int64]:
@@ -71,33 +153,58 @@ def _connected_components(edges: NDArray[np.int64], num_nodes: int) -> NDArray[n
         labels = smaller
 
 
-def _nested_boxes(corners: NDArray[np.float64], shells: list[NDArray[np.int64]]) -> Iterator[tuple[int, int]]:
-    """Yield pairs of shells of which the first lies in the bounding box of the second."""
+def _count_enclosing_shells(corners: NDArray[np.float64], shells: list[NDArray[np.int64]]) -> NDArray[np.int64]:
+    """Return for each shell the number of shells that it is within.
+
+    Raises:
+        CourseError: too many solid angles would have to be computed.
+    """
+    depths = np.zeros(len(shells), np.int64)
+    num_solid_angles = 0
+    for outer, inners in _nested_boxes(corners, shells):
+        triangles = corners[shells[outer]]
+        solid = TriangleMesh(triangles.reshape(-1, 3), np.arange(3 * len(triangles)).reshape(-1, 3))
+        # Most shells that are outside have their first corner outside.
+        for is_first in (True, False):
+            tested = [_corners_to_test(corners[shells[inner]], is_first) for inner in inners]
+            num_solid_angles += len(triangles) * sum(len(points) for points in tested)
+            if num_solid_angles > MAX_SOLID_ANGLES:
+                raise CourseError(
+                    "expected a mesh of which few pieces lie within the boxes around others, received one of "
+                    f"{len(shells)} pieces; export them as objects of their own, or simplify the large ones."
+                )
+            inside = _are_inside(solid, np.concatenate([np.empty((0, 3)), *tested]))
+            bounds = np.cumsum([len(points) for points in tested])[:-1]
+            inners = [inner for inner, each in zip(inners, np.split(inside, bounds), strict=True) if each.all()]
+            if not inners:
+                break
+        depths[inners] += 1
+    return depths
+
+
+def _corners_to_test(triangles: NDArray[np.float64], is_first: bool) -> NDArray[np.float64]:
+    """Return the first corner (1, 3) of a shell, or several (N, 3) of all, m."""
+    if is_first:
+        return triangles[0, :1]
+    corners = np.unique(triangles.reshape(-1, 3), axis=0)
+    return corners[:: -(-len(corners) // MAX_TESTED_CORNERS)]
+
+
+def _are_inside(solid: TriangleMesh, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return whether points (N, 3) are within a solid, whichever way it is wound."""
+    size = max(1, MAX_SOLID_ANGLES_AT_ONCE // len(solid.faces))
+    numbers = [solid.winding_number(points[k : k + size]) for k in range(0, len(points), size)]
+    return np.abs(np.concatenate(numbers)) > MIN_WINDING_INSIDE
+
+
+def _nested_boxes(corners: NDArray[np.float64], shells: list[NDArray[np.int64]]) -> Iterator[tuple[int, list[int]]]:
+    """Yield each shell in whose bounding box others lie, with the others."""
     lower = np.array([corners[rows].min(axis=(0, 1)) for rows in shells])
     upper = np.array([corners[rows].max(axis=(0, 1)) for rows in shells])
     boxes = shapely.box(*lower[:, :2].T, *upper[:, :2].T)
     tree = shapely.STRtree(boxes)
-    count = 0
-    for inner, box in enumerate(boxes):
-        for outer in tree.query(box, predicate="within").tolist():
-            count += outer != inner
-            if count > MAX_NESTED_SHELLS:
-                raise CourseError(
-                    f"expected at most {MAX_NESTED_SHELLS} pieces of a mesh over or within each other, received more; "
-                    "export them as objects of their own."
-                )
-            if lower[outer, 2] < lower[inner, 2] and upper[outer, 2] > upper[inner, 2]:
-                yield inner, outer
-
-
-def _contains(outer: NDArray[np.float64], inner: NDArray[np.float64]) -> bool:
-    """Return whether a shell is within another: whether all of its corners are, or a number of them.
-
-    Args:
-        outer: (F, 3, 3) triangles.
-        inner: (G, 3, 3) triangles.
-    """
-    solid = TriangleMesh(outer.reshape(-1, 3), np.arange(3 * len(outer)).reshape(-1, 3))
-    corners = inner.reshape(-1, 3)
-    tested = corners[:: max(1, len(corners) // MAX_TESTED_CORNERS)]
-    return all(abs(float(solid.winding_number(corner[None])[0])) > MIN_WINDING_INSIDE for corner in tested)
+    for outer, box in enumerate(boxes):
+        inside = tree.query(box, predicate="contains")
+        is_nested = (lower[outer] < lower[inside]).all(axis=1) & (upper[inside] < upper[outer]).all(axis=1)
+        if is_nested.any():
+            yield outer, inside[is_nested].tolist()
