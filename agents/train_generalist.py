@@ -32,7 +32,7 @@ from stable_baselines3.common.logger import configure
 from stable_baselines3.common.torch_layers import create_mlp
 from torch.nn.functional import binary_cross_entropy_with_logits, mse_loss, softplus
 
-from agents.config_check import check_count, check_weights
+from agents.config_check import check_weights
 from agents.putt_collector import PuttCollector
 from agents.run_evaluation import EVALUATION_METRICS, EvaluationHistory, check_history, finish_run
 from agents.training_run import (
@@ -189,7 +189,7 @@ class QLearner:
         self.net.load_state_dict(stored["net"])
         check_weights(self.net)
         self.optimizer.load_state_dict(stored["optimizer"])
-        self.num_timesteps = check_count(stored["num_timesteps"], "num_timesteps")
+        self.num_timesteps = stored["num_timesteps"]
 
     def load_weights(self, path: Path) -> None:
         """Copy the weights of a model file.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import io
 import json
 import shutil
 import zipfile
@@ -63,7 +64,7 @@ def one_line(program: Callable[[Any], object], config: Any) -> str:
         (train_ppo.main, dataclasses.replace(TINY_PPO, n_envs=1, n_steps=1), "must be greater than 1"),
         (train_ppo.main, dataclasses.replace(TINY_PPO, n_envs=10**30), "n_envs: expected"),
         (train_ppo.main, dataclasses.replace(TINY_PPO, learning_rate=1e300), "learning_rate: expected"),
-        (train_ppo.main, dataclasses.replace(TINY_PPO, n_test_episodes=10**12), "n_test_episodes: expected"),
+        (train_ppo.main, dataclasses.replace(TINY_PPO, n_test_episodes=1_000_001), "n_test_episodes: expected"),
         (train_pixels.main, PixelsConfig(observation="state"), "observation: expected"),
         (train_generalist.main, dataclasses.replace(TINY_GENERALIST, difficulties=()), "difficulties: expected"),
         (train_generalist.main, dataclasses.replace(TINY_GENERALIST, replay_ratio=1e300), "replay_ratio: expected"),
@@ -119,18 +120,34 @@ def replace_by_folder(path: Path) -> None:
     path.mkdir()
 
 
-def spoil_weights(path: Path) -> None:
-    """Make all weights of a model of stable-baselines3 not a number."""
-    weights = path.with_name("weights")
+def change_entry(path: Path, name: str, change: Callable[[bytes], bytes]) -> None:
+    """Change an entry of a zip file."""
     with zipfile.ZipFile(path) as archive:
-        entries = {name: archive.read(name) for name in archive.namelist()}
-    weights.write_bytes(entries["policy.pth"])
-    torch.save({name: w * float("nan") for name, w in torch.load(weights, weights_only=True).items()}, weights)
-    entries["policy.pth"] = weights.read_bytes()
-    weights.unlink()
+        entries = {entry: archive.read(entry) for entry in archive.namelist()}
+    entries[name] = change(entries[name])
     with zipfile.ZipFile(path, "w") as archive:
-        for name, content in entries.items():
-            archive.writestr(name, content)
+        for entry, content in entries.items():
+            archive.writestr(entry, content)
+
+
+def spoil_weights(content: bytes) -> bytes:
+    """Return weights of torch with all numbers replaced by NaN."""
+    spoilt = io.BytesIO()
+    weights = torch.load(io.BytesIO(content), weights_only=True)
+    torch.save({name: values * float("nan") for name, values in weights.items()}, spoilt)
+    return spoilt.getvalue()
+
+
+def spoil_updates(content: bytes) -> bytes:
+    """Return the data of a checkpoint with a text as the number of updates."""
+    return json.dumps(json.loads(content) | {"_n_updates": "many"}).encode()
+
+
+def spoil_net(path: Path) -> None:
+    """Replace all weights in a checkpoint of the generalist by NaN."""
+    stored = torch.load(path, weights_only=True)
+    stored["net"] = {name: values * float("nan") for name, values in stored["net"].items()}
+    torch.save(stored, path)
 
 
 def change_count(path: Path, count: object) -> None:
@@ -141,14 +158,19 @@ def change_count(path: Path, count: object) -> None:
 DAMAGES: dict[str, tuple[str, Callable[[Path], object]]] = {
     "no checkpoint": ("ppo", lambda run: (run / "checkpoint.zip").unlink()),
     "checkpoint that is a folder": ("ppo", lambda run: replace_by_folder(run / "checkpoint.zip")),
-    "weights that are no numbers": ("ppo", lambda run: spoil_weights(run / "checkpoint.zip")),
-    "best model without numbers": ("ppo", lambda run: spoil_weights(run / "best.zip")),
+    "updates that are a text": ("ppo", lambda run: change_entry(run / "checkpoint.zip", "data", spoil_updates)),
+    "weights that are no numbers": (
+        "ppo",
+        lambda run: change_entry(run / "checkpoint.zip", "policy.pth", spoil_weights),
+    ),
+    "best model without numbers": ("ppo", lambda run: change_entry(run / "best.zip", "policy.pth", spoil_weights)),
     "evaluations that are a folder": ("ppo", lambda run: replace_by_folder(run / "progress.json")),
     "evaluations that are an object": ("ppo", lambda run: (run / "progress.json").write_text("{}")),
     "evaluations that are a text": ("ppo", lambda run: (run / "progress.json").write_text('""')),
     "evaluation that is no number": ("ppo", lambda run: (run / "progress.json").write_text('[{"strokes": NaN}]')),
     "generalist without checkpoint": ("generalist", lambda run: (run / "checkpoint.pt").unlink()),
     "generalist with a folder": ("generalist", lambda run: replace_by_folder(run / "checkpoint.pt")),
+    "generalist without numbers": ("generalist", lambda run: spoil_net(run / "checkpoint.pt")),
     "generalist with a text as count": ("generalist", lambda run: change_count(run / "checkpoint.pt", "many")),
     "generalist with a negative count": ("generalist", lambda run: change_count(run / "checkpoint.pt", -5)),
     "generalist with a fraction": ("generalist", lambda run: change_count(run / "checkpoint.pt", 1.5)),
@@ -170,6 +192,16 @@ def test_stored_run_that_cannot_be_resumed_stays_as_it_is(damage: str, runs: Pat
         line = one_line(train_generalist.main, GeneralistConfig(resume=run))
     assert line.startswith("resume: expected an intact model")
     assert {path: path.read_bytes() if path.is_file() else None for path in run.rglob("*")} == before
+
+
+def test_initial_weights_that_are_no_numbers_leave_no_folder(runs: Path, tmp_path: Path) -> None:
+    """A network of such weights can neither play nor learn."""
+    weights = tmp_path / "weights.zip"
+    shutil.copy(runs / "ppo" / "best.zip", weights)
+    change_entry(weights, "policy.pth", spoil_weights)
+    config = dataclasses.replace(TINY_PPO, out=tmp_path / "run", init_weights=weights)
+    assert "expected finite weights" in one_line(train_ppo.main, config)
+    assert list(tmp_path.iterdir()) == [weights]
 
 
 def test_resumed_run_does_not_need_its_initial_weights(runs: Path, tmp_path: Path) -> None:

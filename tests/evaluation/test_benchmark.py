@@ -63,7 +63,8 @@ def test_batch_policy_gets_same_results_as_single_policy(monkeypatch: pytest.Mon
         ({"policy_name": "serach"}, "did you mean 'search'"),
     ],
 )
-def test_rejects_invalid_arguments(options: dict[str, object], message: str) -> None:
+def test_rejects_invalid_arguments(options: dict[str, object], message: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Invalid arguments are rejected before any level is played."""
+    monkeypatch.setattr(benchmark_module, "_evaluate_set", lambda *args: pytest.fail("levels were played"))
     with pytest.raises(ValueError, match=message):
         next(benchmark(**({"policy_name": "random"} | options)))  # type: ignore[arg-type]
