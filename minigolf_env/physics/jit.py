@@ -12,7 +12,7 @@ import functools
 import sys
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from typing import Any, TypeVar, cast
 
 import numba
@@ -41,6 +41,9 @@ NOTICE_DELAY = 1.5
 _used: set[str] = set()
 """The functions of the public API that were compiled or loaded in this process."""
 
+_NO_NOTICE = nullcontext()
+"""Context of a call whose kernels are ready: a generator would take 1 us, a fiftieth of a putt."""
+
 
 def device_function(function: Function) -> Function:
     """Compile a function of numbers, arrays and NamedTuples that only compiled code can call."""
@@ -65,16 +68,18 @@ def _compile(function: Function, **options: Any) -> Function:
     return cast(Function, compile_kernel(function, nogil=True, error_model="numpy", **options))
 
 
-@contextmanager
-def notify_if_compiling(api_call: str) -> Iterator[None]:
+def notify_if_compiling(api_call: str) -> AbstractContextManager[None]:
     """Print a notice if the first ``api_call`` of a process takes longer than NOTICE_DELAY: kernels are being compiled.
 
     Args:
         api_call: name of the function of the public API that is being called.
     """
-    if api_call in _used:
-        yield
-        return
+    return _NO_NOTICE if api_call in _used else _notify_after_delay(api_call)
+
+
+@contextmanager
+def _notify_after_delay(api_call: str) -> Iterator[None]:
+    """Print a notice unless the block ends within NOTICE_DELAY; without an error it counts as used."""
     timer = threading.Timer(NOTICE_DELAY, _print_notice)
     timer.daemon = True
     timer.start()

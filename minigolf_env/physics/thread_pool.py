@@ -10,7 +10,6 @@ from concurrent.futures import Future, ThreadPoolExecutor, wait
 from itertools import pairwise
 
 import numba
-import numpy as np
 
 CHUNKS_PER_THREAD = 4
 """Number of chunks of a batch for each thread: putts differ in length, and several chunks even out the load."""
@@ -41,7 +40,7 @@ def parallel_for(process_chunk: Callable[[int, int], None], n: int) -> None:
     num_threads = _num_threads()
     num_chunks = 1 if num_threads == 1 else min(math.ceil(n / MIN_CHUNK_SIZE), CHUNKS_PER_THREAD * num_threads)
     num_chunks = max(num_chunks, math.ceil(n / MAX_CHUNK_SIZE))
-    chunks = list(pairwise(np.linspace(0, n, num_chunks + 1).astype(int).tolist()))
+    chunks = list(pairwise(n * k // num_chunks for k in range(num_chunks + 1)))
     if num_threads == 1 or num_chunks == 1:
         for first, last in chunks:
             process_chunk(first, last)
