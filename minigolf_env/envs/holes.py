@@ -82,9 +82,14 @@ def compile_hole(course: Course, top_speed: float, max_strokes: int, max_steps: 
 
 def stack_holes(holes: Sequence[Holes]) -> Holes:
     """Return holes as one, in order."""
-    params = np.concatenate([hole.params for hole in holes])
+    params = _concatenate([hole.params for hole in holes])
     params["first_segment"] = np.cumsum(params["num_segments"]) - params["num_segments"]
-    return Holes(params, np.concatenate([hole.route for hole in holes]))
+    return Holes(params, _concatenate([hole.route for hole in holes]))
+
+
+def _concatenate(records: Sequence[NDArray[np.void]]) -> NDArray[np.void]:
+    """Return arrays of the same records as one; numpy.concatenate takes 10 us an array to compare their fields."""
+    return np.frombuffer(bytearray().join(array.tobytes() for array in records), records[0].dtype)
 
 
 def _route_segments(route: FloatArray) -> NDArray[np.void]:
