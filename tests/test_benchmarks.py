@@ -7,18 +7,20 @@ import json
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numba
 import numpy as np
 import pytest
 
-from benchmarks import batch, exactness, levels, par, search, speed
+from benchmarks import batch, exactness, levels, par, search, speed, steps
 from benchmarks.energy_figure import draw_energy_error, quantile_band
 from benchmarks.peers import PEER_ENGINES, load_peers
 from benchmarks.peers.engine import Minigolf
 from benchmarks.report import format_rate
 from benchmarks.scenes import BALL_RADIUS, SCENE_BUILDERS, scene_l, scene_s, scene_t
+from minigolf_env.envs.observations import OBSERVATIONS
 
 
 @pytest.fixture(autouse=True)
@@ -121,6 +123,31 @@ def test_batch_benchmark_prints_all_rows(capsys: pytest.CaptureFixture[str]) -> 
     for table in (batch.print_step_cost, batch.print_adapter_cost, batch.print_state_cost):
         table(args)
     assert sum(line.startswith("| ") for line in capsys.readouterr().out.splitlines()) == 6 + 3 + 3 + 3 * 2
+
+
+def test_steps_benchmark_prints_all_rows(capsys: pytest.CaptureFixture[str]) -> None:
+    """Holes, levels, each observation and each program that trains have a row; shares of a row add up to 100 %."""
+    args = steps.Args(("funnel", "easy"), ("dogleg",), envs=2, observed_envs=2, rounds=1, single_steps=2, rollouts=1)
+    steps.main(args)
+    rows = [line.split("|")[1:-1] for line in capsys.readouterr().out.splitlines() if line.startswith("| ")]
+    titles = [row[0].strip() for row in rows]
+    assert {"funnel", "easy levels"} <= set(titles)
+    assert {f"dogleg, {observation}" for observation in OBSERVATIONS} <= set(titles)
+    shares = [[int(cell.strip("% ")) for cell in row[2:]] for row in rows[-3:]]
+    assert all(abs(sum(row) - 100) <= len(row) for row in shares)
+
+
+def test_call_timer_subtracts_nested_calls(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A method's time is without that of the timed methods it calls."""
+    clock = iter([0.0, 1.0, 4.0, 10.0])
+    monkeypatch.setattr(steps.time, "process_time", lambda: next(clock))
+    inner = SimpleNamespace(step=lambda: None)
+    outer = SimpleNamespace(step=lambda: inner.step())
+    timer = steps.CallTimer()
+    timer.time_calls("inner", inner, "step")
+    timer.time_calls("outer", outer, "step")
+    outer.step()
+    assert timer.seconds == {"inner": 3.0, "outer": 7.0}
 
 
 def test_missing_engine_is_skipped_with_a_message(
