@@ -5,7 +5,7 @@ plain ``numba.njit(cache=True)``: the same results, slower, with numba's own cac
 
 numba's own cache does not notice a change in a callee from another file, though the callee's machine code is part of
 the caller's. It also keeps an index of numbered files, which two processes that fill it at once can mix up. The cache
-here has a file for each compiled signature, whose name changes with any source file of the physics.
+here has a file for each compiled signature, whose name changes with any source file that the code may depend on.
 """
 
 from __future__ import annotations
@@ -169,10 +169,16 @@ class KernelCache(NullCache):
 
 @functools.cache
 def source_digest(folder: Path) -> str:
-    """Return a digest of the contents of a folder's source files; tools may leave their times and sizes unchanged."""
+    """Return a digest of the sources that the kernels of a folder may depend on.
+
+    These are the files of the physics, of the folder, and of the folders above it up to the package's: kernels call
+    those of the layers below. Their contents count, as tools may leave their times and sizes unchanged.
+    """
+    above = [parent for parent in folder.parents if parent.is_relative_to(PACKAGE_FOLDER) and parent != PACKAGE_FOLDER]
     digest = hashlib.sha256()
-    for file in sorted(folder.glob("*.py")):
-        digest.update(hashlib.sha256(file.read_bytes()).digest())
+    for source_folder in sorted({PACKAGE_FOLDER / "physics", folder, *above}):
+        for file in sorted(source_folder.glob("*.py")):
+            digest.update(hashlib.sha256(file.read_bytes()).digest())
     return digest.hexdigest()[:16]
 
 

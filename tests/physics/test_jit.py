@@ -101,6 +101,27 @@ def test_changed_callee_recompiles_its_callers(root: Path) -> None:
     assert not set(cache_files(root)) & set(before)
 
 
+@pytest.mark.parametrize("changed", ["physics", "envs"])
+def test_changed_layer_below_recompiles_kernels_of_other_folders(root: Path, changed: str) -> None:
+    """A kernel of an observation changes with the physics and with the rules that it calls."""
+    package = root / "minigolf_env"
+    for name in ("physics", "envs", "envs/observations"):
+        (package / name).mkdir(exist_ok=True)
+        (package / name / "__init__.py").touch()
+    rules = package / "envs" / "rules.py"
+    rules.write_text(CALLER)
+    rays = CALLER.replace("physics.callee import times", "envs.rules import double as times")
+    (package / "envs" / "observations" / "rays.py").write_text(rays)
+    observe = "import minigolf_env.physics.caller as caller; from minigolf_env.envs.observations.rays import double; "
+    observe += "caller.double = double"
+    assert [run_kernel(root, observe) for _ in range(2)] == [(6.0, 0), (6.0, 1)]
+    if changed == "physics":
+        (package / "physics" / "callee.py").write_text(CALLEE.replace("FACTOR = 2", "FACTOR = 5"))
+    else:
+        rules.write_text(CALLER.replace("times(x)", "times(2.5 * x)"))
+    assert [run_kernel(root, observe) for _ in range(2)] == [(15.0, 0), (15.0, 1)]
+
+
 @pytest.mark.parametrize("damage", ["empty", "half", "one bit"])
 def test_damaged_cache_file_is_compiled_again(root: Path, damage: str) -> None:
     """A damaged file, as a crash or a failing disk leaves it, is replaced and not run."""
