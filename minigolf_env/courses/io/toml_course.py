@@ -15,7 +15,7 @@ from minigolf_env.courses.course import Course, CourseError
 from minigolf_env.courses.geometry.assembly import assemble_course
 from minigolf_env.courses.io.course_description import describe_course
 from minigolf_env.courses.io.mesh_files import read_mesh
-from minigolf_env.courses.io.validation_errors import find_line, format_validation_error
+from minigolf_env.courses.io.validation_errors import find_line, format_faults, format_validation_error
 from minigolf_env.courses.schema.course_file import CourseFile
 from minigolf_env.courses.schema.limits import Limits
 
@@ -30,9 +30,6 @@ TOML_TABLE_HEADER = re.compile(r"^[ \t]*\[{1,2}[^\[\],=\n]*\]", re.MULTILINE)
 
 MAX_KEY_PARTS = 50_000
 """Largest number of parts of all table headers and dotted keys: tomllib takes about a kilobyte for each."""
-
-MAX_REPORTED_FAULTS = 5
-"""Largest number of faults that one error message lists."""
 
 
 def read_description(path: Path, limits: Limits | None = None) -> CourseFile:
@@ -83,14 +80,8 @@ def validate_description(data: dict[str, Any], name: str, text: str = "") -> Cou
     try:
         return CourseFile.model_validate(data)
     except ValidationError as error:
-        found = error.errors(include_url=False, include_context=True)
-        # Pydantic reports a list with a faulty item twice: keep the item, and drop the list.
-        above = {fault["loc"][:depth] for fault in found for depth in range(len(fault["loc"]))}
-        faults = [fault for fault in found if fault["loc"] not in above]
-        lines = [format_validation_error(fault, text) for fault in faults[:MAX_REPORTED_FAULTS]]
-        num_hidden = len(faults) - MAX_REPORTED_FAULTS
-        more = f"\nand {num_hidden} more" if num_hidden > 0 else ""
-        raise CourseError(f"{name}: " + "\n".join(lines) + more) from error
+        faults = format_faults(error, lambda fault: format_validation_error(fault, text))
+        raise CourseError(f"{name}: {faults}") from error
 
 
 def read_course(path: Path, cup_radius: float | None = None, limits: Limits | None = None) -> Course:

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import re
 import reprlib
+from collections.abc import Callable
 from typing import Any
+
+from pydantic import ValidationError
 
 from minigolf_env._validation import one_of
 
@@ -14,8 +17,22 @@ BARE_KEY = re.compile(r"[\w-]+")
 MAX_SHOWN_KEY_LENGTH = 60
 """Length of the longest key that a message shows whole."""
 
+MAX_REPORTED_FAULTS = 5
+"""Largest number of faults that one error message lists."""
+
 UNION_TAGS = {"point", "arc", "radial", "along", "waves"}
 """Tags that pydantic adds to the location of a fault, and that are not keys of the file."""
+
+
+def format_faults(error: ValidationError, format_fault: Callable[[Any], str]) -> str:
+    """Return a line for each of the first faults that pydantic found, and the number of the others."""
+    found = error.errors(include_url=False, include_context=True)
+    # Pydantic reports a list with a faulty item twice: keep the item, and drop the list.
+    above = {fault["loc"][:depth] for fault in found for depth in range(len(fault["loc"]))}
+    faults = [fault for fault in found if fault["loc"] not in above]
+    lines = [format_fault(fault) for fault in faults[:MAX_REPORTED_FAULTS]]
+    num_hidden = len(faults) - MAX_REPORTED_FAULTS
+    return "\n".join(lines) + (f"\nand {num_hidden} more" if num_hidden > 0 else "")
 
 
 def format_validation_error(fault: Any, text: str) -> str:
