@@ -427,7 +427,7 @@ TUNNEL_PART = {"kind": "tunnel", "start": (1, 0.5), "end": (2, 0.5), "height": 0
         ({**TUNNEL_PART, "width": 0.6, "door": 0.4}, "door: expected less than the width and the height"),
         ({**TUNNEL_PART, "width": 0.2, "door": 0.2}, "door: expected less than the width and the height"),
         ({"kind": "mesh", "file": "far.obj"}, "expected corners within 1000 m"),
-        ({"kind": "mesh", "file": "none.glb"}, "expected triangles, received 'none.glb' without any"),
+        ({"kind": "mesh", "file": "none.glb"}, "file 'none.glb': expected triangles, received none"),
     ],
 )
 def test_error_says_why_part_cannot_be_built(part: dict[str, Any], message: str, tmp_path: Path) -> None:

@@ -9,61 +9,43 @@ others      parts, closed meshes
 ==========  ============================================================================================
 
 Without extras, a part has the surface that its name starts with; "floor" and "green" are felt that contains the cup.
-Extras have the names and meanings of keys of course files: PHYSICS_KEYS or ``surface``, APPEARANCE_KEYS, ``floor`` and
-``inwards`` of a part; ``radius``, ``depth``, ``surface``, ``cut`` and ``position`` of the cup; ``lower``, ``upper`` and
-``height`` of an empty tee; COURSE_KEYS of the scene. Without extra ``par``, a course with a cup has par DEFAULT_PAR.
+Extras have the names and meanings of keys of course files (glb_properties.py). Without extra ``par``, a course with a
+cup has par DEFAULT_PAR.
 """
 
 from __future__ import annotations
 
-import difflib
-import itertools
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 from pydantic import ValidationError
 from trimesh import Trimesh
 
-from minigolf_env.courses.course import DEFAULT_PAR, Course, CourseError
+from minigolf_env._validation import one_of
+from minigolf_env.courses.course import DEFAULT_PAR, Course, CourseError, course_errors
 from minigolf_env.courses.geometry.assembly import assemble_course
 from minigolf_env.courses.io.course_description import describe_course, hex_color
-from minigolf_env.courses.io.gltf_scene import SceneObject, read_scene
+from minigolf_env.courses.io.glb_properties import (
+    COURSE_KEYS,
+    CUP_KEYS,
+    PART_KEYS,
+    PHYSICS_KEYS,
+    TEE_KEYS,
+    check_properties,
+    read_property,
+)
+from minigolf_env.courses.io.gltf_scene import SceneObject, read_scene, title_of
 from minigolf_env.courses.io.gltf_writer import write_scene
-from minigolf_env.courses.io.validation_errors import format_validation_error
+from minigolf_env.courses.io.validation_errors import format_faults, format_validation_error
 from minigolf_env.courses.schema.course_file import CourseFile
 from minigolf_env.courses.schema.limits import Limits
 from minigolf_env.courses.schema.surfaces import BUILTIN_SURFACES
 
+Location: TypeAlias = tuple[int | str, ...]
+"""Keys that lead to a place in a description."""
+
 FLOOR_PREFIXES = ("floor", "green")
 """Beginnings of the names of objects that are felt and contain the cup."""
-
-PHYSICS_KEYS = ("damping", "restitution", "tangential", "rolling", "stimp")
-"""Extra properties of a part that describe its surface; they take precedence over ``surface``."""
-
-APPEARANCE_KEYS = ("material", "color")
-"""Extra properties of a part that describe its appearance."""
-
-COURSE_KEYS = ("name", "par", "about", "top_speed", "ball_radius", "gravity", "bounds", "route", "hole_in_one")
-"""Extra properties of the scene."""
-
-PART_KEYS = (*PHYSICS_KEYS, *APPEARANCE_KEYS, "surface", "floor", "inwards")
-"""Extra properties of a part."""
-
-CUP_KEYS = ("position", "radius", "depth", "surface", "cut")
-"""Extra properties of the cup."""
-
-TEE_KEYS = ("lower", "upper", "height")
-"""Extra properties of an empty tee."""
-
-ROW_LENGTHS = {"bounds": 3, "route": 2}
-"""Length of the rows of extra properties that 3D programs can only store as one flat array."""
-
-MIN_KEY_SIMILARITY = 0.75
-"""Smallest similarity of an unknown extra property to a known one that makes it a misspelling; 3D programs and add-ons
-store properties of their own."""
-
-MAX_KEY_LENGTH = 40
-"""Length of the longest unknown extra property that may be a misspelling."""
 
 MATERIAL_COLORS = {
     "felt": (0.25, 0.5, 0.2),
@@ -84,31 +66,102 @@ def read_glb(path: Path, cup_radius: float | None = None, limits: Limits | None 
     try:
         limits.check_bytes(f"course file {path.name!r}", path.stat().st_size)
         objects, extras = read_scene(path.read_bytes(), limits)
-        file = _describe_objects(path.stem, objects, extras)
+        description, owners = _describe_objects(path.stem, objects, extras)
+        file = _validate(description, owners)
+        meshes = {
+            f"object {number}": Trimesh(item.vertices, item.faces, process=False)
+            for number, item in enumerate(objects)
+            if item.vertices is not None
+        }
+        return _assemble(file, meshes, owners, cup_radius, limits)
     except OSError as error:
         raise CourseError(f"course file: expected a readable .glb file, received {str(path)!r}: {error}") from error
-    except ValidationError as error:
-        lines = [format_validation_error(fault, "") for fault in error.errors()[:5]]
-        raise CourseError(f"{path.name}: " + "\n".join(lines)) from error
     except CourseError as error:
         raise CourseError(f"{path.name}: {error}") from error
-    meshes = {
-        f"object {number}": Trimesh(item.vertices, item.faces, process=False)
-        for number, item in enumerate(objects)
-        if item.vertices is not None
-    }
-    return assemble_course(file, meshes.__getitem__, cup_radius, limits)
 
 
-def _describe_objects(name: str, objects: list[SceneObject], extras: dict[str, Any]) -> CourseFile:
-    """Return the description of a scene, in which each mesh is named by the number of its object."""
-    # Find the tee and the cup.
+def _validate(description: dict[str, Any], owners: dict[Location, str]) -> CourseFile:
+    """Return a checked description; messages about faults name the objects that have them."""
+
+    def format_fault(fault: Any) -> str:
+        location = fault["loc"]
+        owner = _owner_of(location, owners)
+        if owner is None:
+            return f"scene: {format_validation_error(fault, '')}"
+        # Leave out the keys that lead to the object, and the kind of a part.
+        depth = {"parts": 3, "surfaces": 2}.get(location[0], 1)
+        return f"{owner}: {format_validation_error({**fault, 'loc': location[depth:]}, '')}"
+
+    try:
+        return CourseFile.model_validate(description)
+    except ValidationError as error:
+        raise CourseError(format_faults(error, format_fault)) from error
+
+
+def _owner_of(location: Location, owners: dict[Location, str]) -> str | None:
+    """Return the title of the object that a place in a description is about; None: the scene."""
+    return owners.get(location[:2]) or owners.get(location[:1])
+
+
+def _assemble(
+    file: CourseFile, meshes: dict[str, Trimesh], owners: dict[Location, str], cup_radius: float | None, limits: Limits
+) -> Course:
+    """Return the course of a description; messages about faults name the objects that have them."""
+    try:
+        return assemble_course(file, meshes.__getitem__, cup_radius, limits)
+    except CourseError as error:
+        owner = _owner_of(error.location, owners)
+        if owner is None:
+            raise
+        fault = str(error).removeprefix(f"course {file.name!r}: ")
+        if error.location[0] == "parts":
+            fault = fault.removeprefix(f"part {file.parts[int(error.location[1])].name!r}: ")
+        raise CourseError(f"{owner}: {fault}") from error
+
+
+def _describe_objects(
+    name: str, objects: list[SceneObject], extras: dict[str, Any]
+) -> tuple[dict[str, Any], dict[Location, str]]:
+    """Return the description of a scene, and the titles of the objects by where they are in it.
+
+    Each mesh is named by the number of its object.
+    """
+    tee, cup = _find_tee_and_cup(objects)
+    surfaces: dict[str, Any] = {}
+    parts: list[dict[str, Any]] = []
+    data: dict[str, Any] = {"name": _sanitize_name(name), "surfaces": surfaces, "parts": parts}
+    owners: dict[Location, str] = {}
+    with course_errors("scene"):
+        check_properties("the scene", extras, COURSE_KEYS)
+        data |= {key: read_property(key, extras[key]) for key in COURSE_KEYS if key in extras}
+    for number, item in enumerate(objects):
+        title = title_of(item.name)
+        with course_errors(title):
+            if item is tee:
+                owners["tee",] = title
+                data["tee"] = _describe_tee(item)
+            elif item is cup:
+                owners["cup",] = title
+                data |= {"cup": _describe_cup(item), "par": data.get("par", DEFAULT_PAR)}
+            elif item.vertices is None:
+                check_properties("an empty", item.extras)
+            else:
+                owners["parts", len(parts)] = owners["surfaces", f"object {number}"] = title
+                part, own_surface = _describe_part(item, number)
+                parts.append(part)
+                surfaces |= own_surface
+            check_properties("a mesh or a material", item.data_keys)
+    return data, owners
+
+
+def _find_tee_and_cup(objects: list[SceneObject]) -> tuple[SceneObject, SceneObject | None]:
+    """Return the tee and the cup, if there is one, or raise a CourseError."""
     tees = [item for item in objects if item.name.lower().startswith("tee")]
     named_cup = [item for item in objects if item.name.lower().startswith("cup")]
     cups = [item for item in named_cup if item.vertices is None]
     if named_cup and not cups:
         raise CourseError(
-            f"object {named_cup[0].name!r:.60}: expected an empty at the middle of the rim, received a mesh; "
+            f"{title_of(named_cup[0].name)}: expected an empty at the middle of the rim, received a mesh; "
             "put an empty there, name it 'cup', and name the mesh otherwise."
         )
     if len(tees) != 1 or len(cups) > 1:
@@ -116,78 +169,59 @@ def _describe_objects(name: str, objects: list[SceneObject], extras: dict[str, A
             "expected one object named 'tee', and one empty named 'cup' at the middle of the rim, "
             f"received {len(tees)} and {len(cups)}, objects {[item.name for item in objects]!r:.200}; name them so."
         )
-    _check_extras("scene", extras, COURSE_KEYS)
-    _check_extras(f"object {tees[0].name!r:.60}", tees[0].extras, TEE_KEYS)
-    for cup in cups:
-        _check_extras(f"object {cup.name!r:.60}", cup.extras, CUP_KEYS)
-    # All other meshes are parts.
-    surfaces: dict[str, Any] = {}
-    parts = []
-    for number, item in enumerate(objects):
-        if item.vertices is not None and item is not tees[0]:
-            _check_extras(f"object {item.name!r:.60}", item.extras, PART_KEYS)
-            surface, own_surface = _surface_of(item, number)
-            surfaces |= own_surface
-            part = {
-                "kind": "mesh",
-                "name": _sanitize_name(item.name),
-                "file": f"object {number}",
-                "surface": surface,
-                "floor": bool(item.extras.get("floor", item.name.lower().startswith(FLOOR_PREFIXES))),
-            }
-            parts.append(part | {key: item.extras[key] for key in (*APPEARANCE_KEYS, "inwards") if key in item.extras})
-    # Take the keys of the course and the cup from the extra properties.
-    data = {key: _nest(key, extras[key]) for key in COURSE_KEYS if key in extras}
-    data = {"name": _sanitize_name(name)} | data
-    data |= {"tee": _describe_tee(tees[0]), "parts": parts, "surfaces": surfaces}
-    if cups:
-        cup = cups[0]
-        fields = {key: cup.extras[key] for key in CUP_KEYS[1:] if key in cup.extras}
-        data |= {"cup": {"position": cup.extras.get("position", cup.at)} | fields, "par": data.get("par", DEFAULT_PAR)}
-    return CourseFile.model_validate(data)
-
-
-def _check_extras(owner: str, extras: dict[str, Any], known: tuple[str, ...]) -> None:
-    """Raise a CourseError for an extra property that is a known one, misspelt."""
-    for key in itertools.islice((key for key in extras if key not in known and len(key) <= MAX_KEY_LENGTH), 100):
-        close = difflib.get_close_matches(key.lower(), known, n=1, cutoff=MIN_KEY_SIMILARITY)
-        if close:
-            raise CourseError(f"{owner}: unknown property {key!r}; did you mean {close[0]!r}?")
-
-
-def _nest(key: str, value: Any) -> Any:
-    """Return the value of an extra property of the scene as course files have it.
-
-    Blender stores a whole number such as 3 as 3.0, and a list of points as a flat array.
-    """
-    if key == "par" and isinstance(value, float) and value.is_integer():
-        return int(value)
-    length = ROW_LENGTHS.get(key)
-    if length and isinstance(value, list) and value and len(value) % length == 0 and not isinstance(value[0], list):
-        return [value[k : k + length] for k in range(0, len(value), length)]
-    return value
+    for item in (*tees, *cups):
+        if item.is_animated:
+            raise CourseError(
+                f"{title_of(item.name)}: expected one that stands still, received one that an animation moves; "
+                "remove the animation."
+            )
+    return tees[0], cups[0] if cups else None
 
 
 def _describe_tee(tee: SceneObject) -> dict[str, Any]:
     if tee.vertices is not None:
+        check_properties("a tee that is a mesh", tee.extras)
         low = tee.vertices.min(axis=0).tolist()
         high = tee.vertices.max(axis=0).tolist()
         return {"lower": low[:2], "upper": high[:2], "height": low[2]}
-    fields: dict[str, Any] = {key: tee.extras[key] for key in TEE_KEYS if key in tee.extras}
-    return fields if "lower" in fields else {"at": tee.at[:2], "height": tee.at[2]}
+    check_properties("an empty tee", tee.extras, TEE_KEYS)
+    given = {key: tee.extras[key] for key in TEE_KEYS if key in tee.extras}
+    place = {} if "lower" in given or "upper" in given else {"at": tee.at[:2]}
+    return {"height": tee.at[2]} | place | given
 
 
-def _surface_of(item: SceneObject, number: int) -> tuple[str, dict[str, Any]]:
-    """Return the name of an object's surface, and the record of its own surface by name if it has one."""
-    own = {key: item.extras[key] for key in PHYSICS_KEYS if key in item.extras}
+def _describe_cup(cup: SceneObject) -> dict[str, Any]:
+    check_properties("the cup", cup.extras, CUP_KEYS)
+    given = {key: read_property(key, cup.extras[key]) for key in CUP_KEYS if key in cup.extras}
+    if "surface" in given:
+        one_of(given["surface"], tuple(BUILTIN_SURFACES), "surface")
+    return {"position": cup.at} | given
+
+
+def _describe_part(item: SceneObject, number: int) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return the description of a part, and the record of its own surface by name if it has one."""
+    check_properties("a part", item.extras, PART_KEYS)
+    given = {key: read_property(key, item.extras[key]) for key in PART_KEYS if key in item.extras}
+    own = {key: given.pop(key) for key in PHYSICS_KEYS if key in given}
+    if own and "surface" in given:
+        raise ValueError(
+            f"surface: expected none with {', '.join(own)}, received {given['surface']!r:.60}; remove one of them."
+        )
+    lower_name = item.name.lower()
     if own:
-        return f"object {number}", {f"object {number}": own}
-    named = str(item.extras.get("surface", ""))
-    if named:
-        return named, {}
-    name = item.name.lower()
-    default = "felt" if name.startswith(FLOOR_PREFIXES) else "wood"
-    return next((surface for surface in BUILTIN_SURFACES if name.startswith(surface)), default), {}
+        given["surface"] = f"object {number}"
+    elif "surface" in given:
+        one_of(given["surface"], tuple(BUILTIN_SURFACES), "surface")
+    else:
+        default = "felt" if lower_name.startswith(FLOOR_PREFIXES) else "wood"
+        given["surface"] = next((name for name in BUILTIN_SURFACES if lower_name.startswith(name)), default)
+    part = {
+        "kind": "mesh",
+        "name": _sanitize_name(item.name),
+        "file": f"object {number}",
+        "floor": lower_name.startswith(FLOOR_PREFIXES),
+    }
+    return part | given, {given["surface"]: own} if own else {}
 
 
 def _sanitize_name(name: str) -> str:

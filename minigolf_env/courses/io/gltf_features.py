@@ -9,55 +9,106 @@ from typing import Any, TypeAlias
 
 JsonObject: TypeAlias = dict[str, Any]
 
-APPLIED_EXTENSIONS = ("KHR_mesh_quantization", "KHR_node_visibility")
-"""Extensions that the reader applies."""
+VISIBILITY_EXTENSION = "KHR_node_visibility"
+"""Extension that hides nodes."""
 
-APPEARANCE_EXTENSIONS = ("KHR_materials_", "KHR_texture_", "EXT_texture_", "MSFT_texture_", "KHR_lights_", "KHR_xmp")
-"""Beginnings of the names of extensions that change no geometry."""
+APPLIED_EXTENSIONS = ("KHR_mesh_quantization", VISIBILITY_EXTENSION)
+"""Extensions that the reader applies."""
 
 INSTANCING_EXTENSION = "EXT_mesh_gpu_instancing"
 """Extension that draws a mesh at several places."""
 
-COMPRESSION_EXTENSIONS = ("KHR_draco_mesh_compression", "EXT_meshopt_compression")
-"""Extensions that compress meshes."""
+POINTER_EXTENSION = "KHR_animation_pointer"
+"""Extension that animates any property of the file."""
+
+REFUSED_EXTENSIONS = (INSTANCING_EXTENSION, POINTER_EXTENSION)
+"""Extensions that are errors only at the objects that use them."""
+
+COMPRESSION_EXTENSIONS = ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression")
+"""Extensions that compress meshes. A file that does not require them has the uncompressed mesh, too."""
+
+APPEARANCE_EXTENSIONS = (
+    "KHR_materials_",
+    "KHR_texture_",
+    "EXT_texture_",
+    "MSFT_texture_",
+    "MSFT_packing_",
+    "KHR_lights_",
+    "EXT_lights_",
+    "KHR_audio",
+    "KHR_xmp",
+    "KHR_node_selectability",
+    "KHR_node_hoverability",
+    "EXT_mesh_features",
+    "EXT_mesh_manifold",
+    "EXT_structural_metadata",
+    "MSFT_lod",
+)
+"""Beginnings of the names of extensions that change no geometry. MSFT_lod adds coarser meshes for distant views."""
+
+APPEARANCE_LISTS = ("materials", "textures", "images", "samplers", "cameras")
+"""Lists of a file whose elements change no geometry."""
 
 
 def check_required_extensions(data: JsonObject) -> None:
     """Raise a ValueError if the file requires an extension that the reader lacks (glTF 2.0, section 3.12)."""
     for name in data.get("extensionsRequired", ()):
-        if name in COMPRESSION_EXTENSIONS:
-            raise ValueError(f"it requires {name}; export it without compression")
-        if name == INSTANCING_EXTENSION:
-            continue  # The node that uses it is named.
-        if name not in APPLIED_EXTENSIONS and not str(name).startswith(APPEARANCE_EXTENSIONS):
-            raise ValueError(f"it requires the extension {name!r:.60}, which is not read; export it without")
+        if name not in (*APPLIED_EXTENSIONS, *REFUSED_EXTENSIONS) and not str(name).startswith(APPEARANCE_EXTENSIONS):
+            raise ValueError(f"it requires the extension {name!r:.60}, which is not read")
 
 
 def is_hidden(node: JsonObject) -> bool:
     """Return whether a node, and so its children, are not part of the scene (KHR_node_visibility)."""
-    return node.get("extensions", {}).get("KHR_node_visibility", {}).get("visible", True) is False
+    return node.get("extensions", {}).get(VISIBILITY_EXTENSION, {}).get("visible", True) is False
 
 
-def animated_nodes(data: JsonObject) -> set[int]:
-    """Return the numbers of the nodes that animations move."""
-    channels = [channel for animation in data.get("animations", ()) for channel in animation["channels"]]
-    return {channel["target"]["node"] for channel in channels if "node" in channel["target"]}
+def animated_targets(data: JsonObject) -> set[tuple[str, int]]:
+    """Return what animations change: ("nodes", number), ("meshes", number), and ("visibility", number) of a node."""
+    targets = set()
+    for animation in data.get("animations", ()):
+        for channel in animation["channels"]:
+            target = channel["target"]
+            if "node" in target:
+                targets.add(("nodes", target["node"]))
+            for name, extension in target.get("extensions", {}).items():
+                if name != POINTER_EXTENSION:
+                    raise ValueError(f"an animation uses the extension {name!r:.60}; remove the animation")
+                targets |= _pointer_targets(extension["pointer"])
+    return targets
 
 
-def check_mesh_node(node: JsonObject, mesh: JsonObject, is_animated: bool) -> None:
-    """Raise a ValueError if a node places its mesh in a way that the reader does not apply.
+def _pointer_targets(pointer: str) -> set[tuple[str, int]]:
+    """Return what an animation changes through a pointer such as "/nodes/3/translation"."""
+    kind, key, path = (*pointer.split("/", 3)[1:], "", "", "")[:3]
+    if kind in ("nodes", "meshes") and key.isdecimal():
+        shown = {("visibility", int(key))} if VISIBILITY_EXTENSION in path else set()
+        return {(kind, int(key))} | shown
+    if kind not in APPEARANCE_LISTS and not (kind == "extensions" and key.startswith(APPEARANCE_EXTENSIONS)):
+        raise ValueError(f"an animation changes {pointer!r:.60}; remove the animation")
+    return set()
 
-    Args:
-        node: the node.
-        mesh: its mesh.
-        is_animated: an animation moves the node or one above it.
-    """
+
+def check_node(node: JsonObject) -> None:
+    """Raise a ValueError if a node has a feature that may move it and that the reader does not apply."""
     if "skin" in node:
         raise ValueError("it is bent by an armature (skin); apply the Armature modifier, and remove the armature")
+    if INSTANCING_EXTENSION in node.get("extensions", {}):
+        raise ValueError(f"it is drawn at several places ({INSTANCING_EXTENSION}); realize the instances as objects")
+    _check_extensions(node)
+
+
+def check_mesh(node: JsonObject, mesh: JsonObject) -> None:
+    """Raise a ValueError if a node's mesh has a feature that may change it and that the reader does not apply."""
     weights = node.get("weights") or mesh.get("weights") or ()
     if any(weights) and any(primitive.get("targets") for primitive in mesh["primitives"]):
         raise ValueError("it has shape keys (morph targets) with a weight; apply the shape keys")
-    if INSTANCING_EXTENSION in node.get("extensions", {}):
-        raise ValueError(f"it is drawn at several places ({INSTANCING_EXTENSION}); realize the instances as objects")
-    if is_animated:
-        raise ValueError("it is moved by an animation; remove the animation")
+    for owner in (mesh, *mesh["primitives"]):
+        _check_extensions(owner)
+
+
+def _check_extensions(owner: JsonObject) -> None:
+    """Raise a ValueError for an extension of a node, mesh or primitive that is not known to leave it where it is."""
+    for name in owner.get("extensions", {}):
+        is_known = name in (*APPLIED_EXTENSIONS, *COMPRESSION_EXTENSIONS) or name.startswith(APPEARANCE_EXTENSIONS)
+        if not is_known:
+            raise ValueError(f"it uses the extension {name!r:.60}, which may move or change it; export it without")

@@ -12,19 +12,24 @@ from __future__ import annotations
 
 import base64
 import binascii
-import json
+import math
 import struct
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 from trimesh.transformations import quaternion_matrix
 
+from minigolf_env._validation import finite_array
 from minigolf_env.courses.course import CourseError
+from minigolf_env.courses.io.gltf_buffers import element_of, read_indices, read_positions, split_chunks
 from minigolf_env.courses.io.gltf_features import (
     JsonObject,
-    animated_nodes,
-    check_mesh_node,
+    animated_targets,
+    check_mesh,
+    check_node,
     check_required_extensions,
     is_hidden,
 )
@@ -36,20 +41,6 @@ IntArray: TypeAlias = NDArray[np.int64]
 EXACT_VERTICES_KEY = "exact_vertices"
 """Extra property of an object: its vertices as base64 of little-endian float64, because glTF stores positions as
 float32."""
-
-INDEX_DTYPES: dict[int, np.dtype[Any]] = {5121: np.dtype("u1"), 5123: np.dtype("<u2"), 5125: np.dtype("<u4")}
-"""Types of indices by their glTF component type."""
-
-QUANTIZED_DTYPES: dict[int, np.dtype[Any]] = {
-    5120: np.dtype("i1"),
-    5121: np.dtype("u1"),
-    5122: np.dtype("<i2"),
-    5123: np.dtype("<u2"),
-}
-"""Types of positions of the extension KHR_mesh_quantization by their glTF component type."""
-
-FLOAT_COMPONENT = 5126
-"""Component type of float32 in glTF."""
 
 TRIANGLES_MODE = 4
 """Mode of a primitive of triangles in glTF."""
@@ -69,6 +60,12 @@ MAX_NODE_DEPTH = 64
 MAX_TRANSFORM_VALUE = 1e6
 """Largest value in the transform of a node."""
 
+TRANSFORM_TOLERANCE = 1e-3
+"""Largest error of a rotation's length and of a matrix's last row; 3D programs round both."""
+
+REPAIR_HINT = "export it again"
+"""Remedy in messages about values that no 3D program writes."""
+
 
 class SceneObject(NamedTuple):
     """Named object of a scene: a mesh, or an empty that marks a position."""
@@ -85,32 +82,61 @@ class SceneObject(NamedTuple):
     """Faces (F, 3) as indices of vertices; None: an empty."""
     color: tuple[float, float, float] | None = None
     """Colour (sRGB) for programs that draw the scene; None: grey."""
+    data_keys: frozenset[str] = frozenset()
+    """Names of the extra properties of its mesh and its materials."""
+    is_animated: bool = False
+    """True if an animation changes the object, or one above it; no mesh is."""
 
 
 def read_scene(content: bytes, limits: Limits) -> tuple[list[SceneObject], JsonObject]:
-    """Return the objects of a .glb file's scene, and the scene's extras.
+    """Return the objects of a .glb file's default scene, and the scene's extras.
 
     Raises:
         CourseError: the file is not a glTF binary of plain triangles, or has too many of them.
     """
-    try:
-        data, binary = _split_chunks(content, limits)
+    before = "expected a binary glTF 2.0 file of plain triangles, received one with a fault: "
+    with _describe_faults(before, "; export it as .glb without compression or other extensions."):
+        data, binary = split_chunks(content, limits)
         check_required_extensions(data)
-        nodes = data.get("nodes", [])
-        scene = data.get("scenes", [{}])[data.get("scene", 0)]
+        scene, roots = _default_scene(data)
         reader = _SceneReader(data, binary, limits)
-        objects: list[SceneObject] = []
-        for root in scene.get("nodes", range(len(nodes))):
-            reader.visit(root, np.eye(4), 0, objects, False)
-        return objects, _extras_of(scene)
+        for root in roots:
+            reader.visit(root, np.eye(4), 0, is_animated=False)
+        return reader.objects, _extras_of(scene)
+
+
+def title_of(name: str) -> str:
+    """Return how messages name an object: as Blender shows it, whose names are at most 63 bytes long."""
+    return f"object {name!r:.80}"
+
+
+@contextmanager
+def _describe_faults(before: str, after: str) -> Iterator[None]:
+    """Convert errors about the content of a file into CourseErrors; those that are CourseErrors stay as they are."""
+    try:
+        yield
     except CourseError:
         raise
     except (ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError, struct.error) as error:
-        fault = str(error) if isinstance(error, ValueError) else repr(error)
-        raise CourseError(
-            f"expected a binary glTF 2.0 file of plain triangles, received one with a fault: {fault:.200}; "
-            "export it as .glb without compression."
-        ) from error
+        fault = f"a value has a wrong type or size ({error})"
+        if isinstance(error, KeyError):
+            fault = f"the key {error} is missing"
+        elif isinstance(error, ValueError):
+            fault = str(error)
+        raise CourseError(f"{before}{fault:.200}{after}") from error
+
+
+def _default_scene(data: JsonObject) -> tuple[JsonObject, list[int]]:
+    """Return the default scene and its root nodes. A file without scenes has all nodes in one (section 3.5.1)."""
+    scenes = data.get("scenes")
+    if not scenes:
+        nodes = data.get("nodes", [])
+        children = {child for node in nodes for child in node.get("children", ())}
+        return {}, [number for number in range(len(nodes)) if number not in children]
+    if "scene" not in data and len(scenes) > 1:
+        raise ValueError(f"it has {len(scenes)} scenes, and none is the default; export one scene")
+    scene = element_of(data, "scenes", data.get("scene", 0))
+    return scene, scene.get("nodes", [])
 
 
 class _SceneReader:
@@ -120,42 +146,46 @@ class _SceneReader:
         self.data = data
         self.binary = binary
         self.limits = limits
+        self.objects: list[SceneObject] = []
         self.visited: set[int] = set()
-        self.animated = animated_nodes(data)
+        self.animated = animated_targets(data)
         self.num_triangles = 0
         self.num_corners = 0
 
-    def visit(
-        self, number: int, parent_matrix: FloatArray, depth: int, objects: list[SceneObject], is_animated: bool
-    ) -> None:
+    def visit(self, number: int, parent_matrix: FloatArray, depth: int, is_animated: bool) -> None:
         """Append the object of a node, and those of its children, unless they are hidden.
 
-        ``is_animated``: an animation moves a node above.
+        ``is_animated``: an animation changes a node above.
         """
+        node = element_of(self.data, "nodes", number)
         if number in self.visited or depth > MAX_NODE_DEPTH:
             raise ValueError(f"node {number} is referenced twice or nested more than {MAX_NODE_DEPTH} deep")
         self.visited.add(number)
-        node = self.data["nodes"][number]
-        if is_hidden(node):
-            return
-        name = str(node.get("name", f"node {number}"))
-        is_animated = is_animated or number in self.animated
-        try:
-            extras = _extras_of(node)
-            matrix = parent_matrix @ _node_matrix(node)
-            vertices = faces = None
-            if "mesh" in node:
-                mesh = self.data["meshes"][node["mesh"]]
-                check_mesh_node(node, mesh, is_animated)
-                vertices, faces = self._read_mesh(mesh, matrix, extras)
-        except CourseError:
-            raise
-        except ValueError as error:
-            raise CourseError(f"object {name!r:.60}: expected triangles that stand still; {error}.") from error
-        x, y, z = matrix[:3, 3].tolist()
-        objects.append(SceneObject(name, (x, -z, y), extras, vertices, faces))
-        for child in node.get("children", ()):
-            self.visit(child, matrix, depth + 1, objects, is_animated)
+        name = str(node.get("name") or f"node {number}")
+        with _describe_faults(f"{title_of(name)}: ", "."):
+            if is_hidden(node) and ("visibility", number) not in self.animated:
+                return
+            check_node(node)
+            is_animated = is_animated or ("nodes", number) in self.animated
+            matrix = _check_transform(parent_matrix @ _node_matrix(node))
+            x, y, z = matrix[:3, 3].tolist()
+            item = SceneObject(name, (x, -z, y), _extras_of(node), None, None, is_animated=is_animated)
+            self.objects.append(self._add_mesh(item, node, matrix) if "mesh" in node else item)
+            for child in node.get("children", ()):
+                self.visit(child, matrix, depth + 1, is_animated)
+
+    def _add_mesh(self, item: SceneObject, node: JsonObject, matrix: FloatArray) -> SceneObject:
+        """Return an object with the mesh of its node."""
+        mesh = element_of(self.data, "meshes", node["mesh"])
+        check_mesh(node, mesh)
+        if item.is_animated or ("meshes", node["mesh"]) in self.animated:
+            raise ValueError("it is moved by an animation; remove the animation")
+        vertices, faces = self._read_mesh(mesh, matrix, item.extras)
+        numbers = {primitive["material"] for primitive in mesh["primitives"] if "material" in primitive}
+        owners = [mesh, *mesh["primitives"], *(element_of(self.data, "materials", number) for number in numbers)]
+        extras = [owner.get("extras") for owner in owners]
+        keys = frozenset(key for owned in extras if isinstance(owned, dict) for key in owned)
+        return item._replace(vertices=vertices, faces=faces, data_keys=keys)
 
     def _read_mesh(self, mesh: JsonObject, matrix: FloatArray, extras: JsonObject) -> tuple[FloatArray, IntArray]:
         """Return the vertices and faces of a mesh, in the coordinates of the scene."""
@@ -167,11 +197,11 @@ class _SceneReader:
             mode = primitive.get("mode", TRIANGLES_MODE)
             if mode not in (TRIANGLES_MODE, STRIP_MODE, FAN_MODE):
                 raise ValueError(f"its mesh consists of {OTHER_MODES.get(mode, mode)}, not of triangles")
-            corners = self._read_array(primitive["attributes"]["POSITION"], 3)
+            corners = read_positions(self.data, self.binary, primitive["attributes"]["POSITION"])
             index = np.arange(len(corners))
             if "indices" in primitive:
-                index = self._read_array(primitive["indices"], 1)
-            triangles = _triangles_of(index.astype(np.int64), mode)
+                index = read_indices(self.data, self.binary, primitive["indices"])
+            triangles = _triangles_of(index, mode)
             points.append(corners)
             faces.append(triangles + num_points)
             if index.size and index.max() >= len(corners):
@@ -182,6 +212,8 @@ class _SceneReader:
             self.limits.check_triangles(self.num_corners // 3)
             self.num_triangles += len(triangles)
             self.limits.check_triangles(self.num_triangles)
+        if not points:
+            raise ValueError("its mesh has no triangles; give it faces, or replace it by an empty")
         # Transform the points; a mirrored object is wound the other way around.
         vertices = _y_up_to_z_up(_transform_points(np.concatenate(points), extras, matrix))
         if not np.abs(vertices).max(initial=0.0) <= MAX_COURSE_COORDINATE:
@@ -189,45 +221,6 @@ class _SceneReader:
         all_faces = np.concatenate(faces)
         is_mirrored = np.linalg.det(matrix[:3, :3]) < 0.0
         return vertices, all_faces[:, ::-1] if is_mirrored else all_faces
-
-    def _read_array(self, number: int, width: int) -> NDArray[Any]:
-        """Return a copy of an accessor's array: float32 positions (N, 3), or indices (N,) if ``width`` is 1."""
-        # Check that the accessor is one of positions or indices, in this file.
-        accessor = self.data["accessors"][number]
-        expected_type = "VEC3" if width == 3 else "SCALAR"
-        if "sparse" in accessor or accessor["type"] != expected_type:
-            raise ValueError(f"accessor {number} is sparse or not of type {expected_type}")
-        component = accessor["componentType"]
-        is_float = component == FLOAT_COMPONENT
-        integers = QUANTIZED_DTYPES if width == 3 else INDEX_DTYPES
-        dtype = np.dtype("<f4") if width == 3 and is_float else integers.get(component)
-        view = self.data["bufferViews"][accessor["bufferView"]]
-        if view.get("buffer", 0) != 0 or dtype is None:
-            raise ValueError(f"accessor {number} refers to another file or has a wrong component type")
-        # Check that the array lies within its view, and the view within the file.
-        start = view.get("byteOffset", 0)
-        length = view["byteLength"]
-        offset = accessor.get("byteOffset", 0)
-        count = accessor["count"]
-        row = dtype.itemsize * width
-        stride = view.get("byteStride", row)
-        numbers = (start, length, offset, count, stride)
-        if not all(type(value) is int and 0 <= value <= len(self.binary) for value in numbers):
-            raise ValueError(f"accessor {number} has a size or an offset beyond the file")
-        end_in_view = offset + (count - 1) * stride + row
-        if not count or stride < row or end_in_view > length or start + length > len(self.binary):
-            raise ValueError(f"accessor {number} is empty, or extends beyond its view or the file")
-        # Copy the rows.
-        raw = np.frombuffer(self.binary, np.uint8, (count - 1) * stride + row, start + offset)
-        rows = np.lib.stride_tricks.as_strided(raw, (count, row), (stride, 1))
-        array: NDArray[Any] = np.ascontiguousarray(rows).view(dtype)
-        if width == 1:
-            return array.reshape(-1)
-        if not is_float and accessor.get("normalized", False):
-            array = np.maximum(array / np.iinfo(dtype).max, -1.0)
-        if not np.isfinite(array).all():
-            raise ValueError(f"accessor {number} has positions that are not finite")
-        return array
 
 
 def _triangles_of(index: IntArray, mode: int) -> IntArray:
@@ -242,36 +235,28 @@ def _triangles_of(index: IntArray, mode: int) -> IntArray:
     return np.stack([index[k], index[k + 1 + k % 2], index[k + 2 - k % 2]], axis=1)
 
 
-def _split_chunks(content: bytes, limits: Limits) -> tuple[JsonObject, bytes]:
-    """Return the JSON and the binary chunk of a .glb file."""
-    magic, version, length = struct.unpack_from("<4sII", content)
-    if magic != b"glTF" or version != 2 or length > len(content):
-        raise ValueError("the header is not that of a complete glTF 2.0 file")
-    size, kind = struct.unpack_from("<I4s", content, 12)
-    if kind != b"JSON" or 20 + size > len(content):
-        raise ValueError("the JSON chunk is missing or incomplete")
-    limits.check_bytes("JSON in it", size, text=True)
-    data = json.loads(content[20 : 20 + size])
-    rest = content[20 + size :]
-    binary = b""
-    if len(rest) >= 8:
-        size, kind = struct.unpack_from("<I4s", rest)
-        binary = rest[8 : 8 + size] if kind == b"BIN\0" else b""
-    return data, binary
-
-
 def _node_matrix(node: JsonObject) -> FloatArray:
+    """Return the transform (4, 4) of a node in its parent (glTF 2.0, section 3.5.3)."""
     if "matrix" in node:
-        matrix = np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
-    else:
-        matrix = np.eye(4)
-        if "rotation" in node:
-            x, y, z, w = node["rotation"]
-            matrix = quaternion_matrix([w, x, y, z])  # type: ignore[no-untyped-call]
-        matrix[:3, :3] = matrix[:3, :3] * np.array(node.get("scale", (1.0, 1.0, 1.0)), dtype=np.float64)
-        matrix[:3, 3] = node.get("translation", (0.0, 0.0, 0.0))
-    if not np.isfinite(matrix).all() or np.abs(matrix).max() > MAX_TRANSFORM_VALUE:
-        raise ValueError(f"a node has a transform that is not finite or exceeds {MAX_TRANSFORM_VALUE:g}")
+        others = [key for key in ("translation", "rotation", "scale") if key in node]
+        if others:
+            raise ValueError(f"it has both a matrix and {others[0]}; export it with one of them")
+        return _check_transform(finite_array(node["matrix"], (16,), "its matrix", REPAIR_HINT).reshape(4, 4).T)
+    x, y, z, w = finite_array(node.get("rotation", (0.0, 0.0, 0.0, 1.0)), (4,), "its rotation", REPAIR_HINT).tolist()
+    if abs(math.sqrt(x * x + y * y + z * z + w * w) - 1.0) > TRANSFORM_TOLERANCE:
+        raise ValueError(f"its rotation {(x, y, z, w)} is not a unit quaternion; {REPAIR_HINT}")
+    matrix: FloatArray = quaternion_matrix([w, x, y, z]) if "rotation" in node else np.eye(4)  # type: ignore[no-untyped-call]
+    matrix[:3, :3] = matrix[:3, :3] * finite_array(node.get("scale", (1.0, 1.0, 1.0)), (3,), "its scale", REPAIR_HINT)
+    matrix[:3, 3] = finite_array(node.get("translation", (0.0, 0.0, 0.0)), (3,), "its translation", REPAIR_HINT)
+    return _check_transform(matrix)
+
+
+def _check_transform(matrix: FloatArray) -> FloatArray:
+    """Return a transform (4, 4), or raise a ValueError if it is not affine or too large."""
+    if not np.abs(matrix).max() <= MAX_TRANSFORM_VALUE:
+        raise ValueError(f"its transform exceeds {MAX_TRANSFORM_VALUE:g}; {REPAIR_HINT}")
+    if not np.abs(matrix[3] - (0.0, 0.0, 0.0, 1.0)).max() <= TRANSFORM_TOLERANCE:
+        raise ValueError(f"its matrix is not affine; {REPAIR_HINT}")
     return matrix
 
 

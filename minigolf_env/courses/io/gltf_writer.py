@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from minigolf_env.courses.io.gltf_buffers import FLOAT_COMPONENT
 from minigolf_env.courses.io.gltf_features import JsonObject
 from minigolf_env.courses.io.gltf_scene import (
     EXACT_VERTICES_KEY,
-    FLOAT_COMPONENT,
     FloatArray,
     IntArray,
     SceneObject,

@@ -54,15 +54,15 @@ def read_mesh(name: str, folder: Path | None, limits: Limits) -> Trimesh:
     path = resolve_mesh_path(name, folder, limits)
     suffix = path.suffix.lower()
     content = path.read_bytes()
-    if suffix == ".glb":
-        objects, _ = read_scene(content, limits)
-        meshes = [Trimesh(item.vertices, item.faces) for item in objects if item.vertices is not None]
-        if not meshes:
-            raise CourseError(f"file: expected triangles, received {name!r} without any.")
-        return join_meshes(meshes)
-    if suffix != ".stl":
+    if suffix not in (".stl", ".glb"):
         limits.check_bytes(f"file {name!r}", len(content), text=True)
     try:
+        if suffix == ".glb":
+            objects, _ = read_scene(content, limits)
+            meshes = [Trimesh(item.vertices, item.faces) for item in objects if item.vertices is not None]
+            if not meshes:
+                raise CourseError("expected triangles, received none.")
+            return join_meshes(meshes)
         vertices, faces = READERS[suffix](content, limits)
     except CourseError as error:
         raise CourseError(f"file {name!r}: {error}") from error

@@ -1,0 +1,105 @@
+"""Custom properties of the objects of a .glb course: which object has which, and how 3D programs store their values.
+
+Properties of other programs are read over. A name that the table below has, or a misspelling of one, is an error on
+every object where it would have no effect.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable
+from typing import Any
+
+PHYSICS_KEYS = ("damping", "restitution", "tangential", "rolling", "stimp")
+"""Properties of a part that describe its surface, instead of ``surface``."""
+
+APPEARANCE_KEYS = ("material", "color")
+"""Properties of a part that describe its appearance."""
+
+PART_KEYS = (*PHYSICS_KEYS, *APPEARANCE_KEYS, "surface", "floor", "inwards")
+"""Properties of a part."""
+
+CUP_KEYS = ("position", "radius", "depth", "surface", "cut")
+"""Properties of the cup."""
+
+TEE_KEYS = ("lower", "upper", "height")
+"""Properties of an empty tee."""
+
+COURSE_KEYS = ("name", "par", "about", "top_speed", "ball_radius", "gravity", "bounds", "route", "hole_in_one")
+"""Properties of the scene."""
+
+OWNERS = {"the object of a part": PART_KEYS, "the cup": CUP_KEYS, "an empty tee": TEE_KEYS, "the scene": COURSE_KEYS}
+"""Properties by what has them."""
+
+FREE_KEYS = ("name",)
+"""Properties of the scene that objects may have for other programs: three.js stores the name of each object again."""
+
+BOOLEAN_KEYS = ("floor", "inwards", "cut")
+"""Properties that are true or false."""
+
+ROW_LENGTHS = {"bounds": 3, "route": 2}
+"""Length of the rows of properties that 3D programs can only store as one flat array."""
+
+MIN_MISSPELT_LENGTH = 5
+"""Length of the shortest known name of which other names are misspellings: too many words are close to shorter ones."""
+
+MAX_LENGTH_DIFFERENCE = 5
+"""Largest difference of the lengths of a name and its misspelling: a few spaces, hyphens or underscores."""
+
+
+def check_properties(owner: str, keys: Iterable[str], allowed: tuple[str, ...] = ()) -> None:
+    """Raise a ValueError for a property without effect on its owner that has one elsewhere, or if spelt otherwise.
+
+    Args:
+        owner: kind of the owner, such as "the cup".
+        keys: names of the owner's properties.
+        allowed: names of the properties that have an effect on it.
+    """
+    known = tuple(dict.fromkeys(itertools.chain(allowed, *OWNERS.values())))
+    for key in keys:
+        if key in allowed or key in FREE_KEYS:
+            continue
+        if key in known:
+            others = " or ".join(other for other, its_keys in OWNERS.items() if key in its_keys)
+            raise ValueError(f"property {key!r} has no effect on {owner}, only on {others}; move or rename it.")
+        meant = next((name for name in known if is_misspelling(key, name)), None)
+        if meant is not None:
+            raise ValueError(f"unknown property {key!r:.60}; did you mean {meant!r}? Rename it.")
+
+
+def is_misspelling(key: str, known: str) -> bool:
+    """Return whether a name differs from a known one in case, spaces, hyphens, underscores and one letter at most.
+
+    The letter is wrong, missing, added or swapped with the next one, and is not the first. Known names of fewer than
+    MIN_MISSPELT_LENGTH characters allow none.
+    """
+    if abs(len(key) - len(known)) > MAX_LENGTH_DIFFERENCE:
+        return False
+    a, b = ("".join(c for c in name.lower() if c not in " -_") for name in (key, known))
+    # Compare what follows the first difference.
+    start = next((k for k, pair in enumerate(zip(a, b, strict=False)) if pair[0] != pair[1]), min(len(a), len(b)))
+    a, b = a[start:], b[start:]
+    is_swapped = a[:2] == b[1::-1] and a[2:] == b[2:]
+    is_close = is_swapped or a[1:] == b[1:] or a[1:] == b or a == b[1:]
+    has_letters = start > 0 and (a[:1] + b[:1]).isalpha() and len(known) >= MIN_MISSPELT_LENGTH
+    return a == b or (is_close and has_letters)
+
+
+def read_property(key: str, value: Any) -> Any:
+    """Return the value of a property as course files have it.
+
+    Blender stores a whole number such as 3 as 3.0, a list of points as a flat array, and a boolean also as 0 or 1.
+
+    Raises:
+        ValueError: the property is true or false, and the value is neither.
+    """
+    if key == "par" and isinstance(value, float) and value.is_integer():
+        return int(value)
+    if key in BOOLEAN_KEYS:
+        if isinstance(value, (bool, int, float)) and value in (0, 1):
+            return bool(value)
+        raise ValueError(f"{key}: expected true or false, or 1 or 0, received {value!r:.60}; set one of them.")
+    length = ROW_LENGTHS.get(key)
+    if length and isinstance(value, list) and value and len(value) % length == 0 and not isinstance(value[0], list):
+        return [value[k : k + length] for k in range(0, len(value), length)]
+    return value
