@@ -96,6 +96,16 @@ UNAPPLIED_FEATURES = {
         both(hide(WOOD), animate_pointer(f"/nodes/{WOOD}/extensions/KHR_node_visibility/visible")),
         "object 'wood 0': .*animation",
     ),
+    "animated nothing": (animate(9), r"nodes\[9\] does not exist"),
+    "visible zero": (
+        lambda d: d["nodes"][WOOD].update(extensions={"KHR_node_visibility": {"visible": 0}}),
+        "object 'wood 0': KHR_node_visibility: expected true or false",
+    ),
+    "newer glTF": (lambda d: d["asset"].update(minVersion="2.1"), "requires glTF '2.1'"),
+    "broken triangle": (
+        lambda d: d["accessors"][primitive_of_wood(d)["indices"]].update(count=35),
+        "object 'wood 0': its mesh has 35 corners, which is no multiple of three",
+    ),
     "pointer to skin": (animate_pointer("/skins/0/inverseBindMatrices"), "an animation changes '/skins/0"),
     "pointer to nothing": (animate_pointer("here"), "an animation changes 'here'"),
     "other target": (
@@ -116,6 +126,10 @@ UNAPPLIED_FEATURES = {
         "object 'wood 0': .*extension 'ACME_bend', which may move",
     ),
     "compressed primitive": (drop_view, "object 'wood 0': .*without compression"),
+    "fallback buffer": (
+        lambda d: d["buffers"][0].update(extensions={"EXT_meshopt_compression": {"fallback": True}}),
+        "object 'floor': .*without compression",
+    ),
     "compressed view": (compress_view, "object 'wood 0': .*without compression"),
     "data in another file": (lambda d: d["buffers"][0].update(uri="a.bin"), "object 'floor': .*another file"),
     "required compression": (
@@ -211,6 +225,7 @@ HARMLESS_FEATURES = {
         animate(4)(d),
     ),
     "lamp": both(give_parent(WOOD, extensions={"KHR_lights_punctual": {"light": 0}})),
+    "animation without target": lambda d: d.update(animations=[{"channels": [{"target": {"path": "scale"}}]}]),
     "levels of detail": lambda d: d["nodes"][WOOD].update(extensions={"MSFT_lod": {"ids": [0]}}),
     "variants": lambda d: primitive_of_wood(d).update(extensions={"KHR_materials_variants": {}}),
     "compressed copy": lambda d: primitive_of_wood(d).update(extensions={"KHR_draco_mesh_compression": {}}),

@@ -186,7 +186,7 @@ def _describe_tee(tee: SceneObject) -> dict[str, Any]:
         return {"lower": low[:2], "upper": high[:2], "height": low[2]}
     check_properties("an empty tee", tee.extras, TEE_KEYS)
     given = {key: tee.extras[key] for key in TEE_KEYS if key in tee.extras}
-    place = {} if "lower" in given or "upper" in given else {"at": tee.at[:2]}
+    place = {} if "lower" in given else {"at": tee.at[:2]}
     return {"height": tee.at[2]} | place | given
 
 

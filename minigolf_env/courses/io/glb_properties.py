@@ -31,6 +31,9 @@ COURSE_KEYS = ("name", "par", "about", "top_speed", "ball_radius", "gravity", "b
 OWNERS = {"the object of a part": PART_KEYS, "the cup": CUP_KEYS, "an empty tee": TEE_KEYS, "the scene": COURSE_KEYS}
 """Properties by what has them."""
 
+KNOWN_KEYS = tuple(dict.fromkeys(itertools.chain(*OWNERS.values())))
+"""All properties."""
+
 FREE_KEYS = ("name",)
 """Properties of the scene that objects may have for other programs: three.js stores the name of each object again."""
 
@@ -43,8 +46,8 @@ ROW_LENGTHS = {"bounds": 3, "route": 2}
 MIN_MISSPELT_LENGTH = 5
 """Length of the shortest known name of which other names are misspellings: too many words are close to shorter ones."""
 
-MAX_LENGTH_DIFFERENCE = 5
-"""Largest difference of the lengths of a name and its misspelling: a few spaces, hyphens or underscores."""
+MAX_MISSPELT_LENGTH = 20
+"""Length of the longest misspelling: a hostile file may have very long names."""
 
 
 def check_properties(owner: str, keys: Iterable[str], allowed: tuple[str, ...] = ()) -> None:
@@ -55,34 +58,39 @@ def check_properties(owner: str, keys: Iterable[str], allowed: tuple[str, ...] =
         keys: names of the owner's properties.
         allowed: names of the properties that have an effect on it.
     """
-    known = tuple(dict.fromkeys(itertools.chain(allowed, *OWNERS.values())))
     for key in keys:
         if key in allowed or key in FREE_KEYS:
             continue
-        if key in known:
+        if key in KNOWN_KEYS:
             others = " or ".join(other for other, its_keys in OWNERS.items() if key in its_keys)
             raise ValueError(f"property {key!r} has no effect on {owner}, only on {others}; move or rename it.")
-        meant = next((name for name in known if is_misspelling(key, name)), None)
+        meant = find_meant_key(key)
         if meant is not None:
-            raise ValueError(f"unknown property {key!r:.60}; did you mean {meant!r}? Rename it.")
+            raise ValueError(f"unknown property {key!r}; did you mean {meant!r}? Rename it.")
 
 
-def is_misspelling(key: str, known: str) -> bool:
-    """Return whether a name differs from a known one in case, spaces, hyphens, underscores and one letter at most.
+def find_meant_key(key: str) -> str | None:
+    """Return the known property of which an unknown name is a misspelling; None: it is another program's.
 
-    The letter is wrong, missing, added or swapped with the next one, and is not the first. Known names of fewer than
-    MIN_MISSPELT_LENGTH characters allow none.
+    It differs in case, spaces, hyphens, underscores and one letter at most. That letter is wrong, missing, added or
+    swapped with the next one, and is not the first. Known names of fewer than MIN_MISSPELT_LENGTH letters allow none.
     """
-    if abs(len(key) - len(known)) > MAX_LENGTH_DIFFERENCE:
-        return False
-    a, b = ("".join(c for c in name.lower() if c not in " -_") for name in (key, known))
+    if len(key) > MAX_MISSPELT_LENGTH:
+        return None
+    plain = "".join(c for c in key.lower() if c not in " -_")
+    return next((known for known in KNOWN_KEYS if known[0] == plain[:1] and _is_close(plain, known)), None)
+
+
+def _is_close(plain: str, known: str) -> bool:
+    """Return whether a name without separators differs from a known one in at most one letter."""
+    a, b = plain, known.replace("_", "")
     # Compare what follows the first difference.
     start = next((k for k, pair in enumerate(zip(a, b, strict=False)) if pair[0] != pair[1]), min(len(a), len(b)))
     a, b = a[start:], b[start:]
     is_swapped = a[:2] == b[1::-1] and a[2:] == b[2:]
-    is_close = is_swapped or a[1:] == b[1:] or a[1:] == b or a == b[1:]
-    has_letters = start > 0 and (a[:1] + b[:1]).isalpha() and len(known) >= MIN_MISSPELT_LENGTH
-    return a == b or (is_close and has_letters)
+    is_one_letter = is_swapped or a[1:] == b[1:] or a[1:] == b or a == b[1:]
+    has_letters = (a[:1] + b[:1]).isalpha() and len(known) >= MIN_MISSPELT_LENGTH
+    return a == b or (is_one_letter and has_letters)
 
 
 def read_property(key: str, value: Any) -> Any:

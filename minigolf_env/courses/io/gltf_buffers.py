@@ -7,13 +7,17 @@ from __future__ import annotations
 
 import json
 import struct
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from minigolf_env.courses.io.gltf_features import JsonObject
 from minigolf_env.courses.schema.limits import Limits
+
+JsonObject: TypeAlias = dict[str, Any]
+
+REPAIR_HINT = "export it again"
+"""Remedy in messages about values that no 3D program writes."""
 
 INDEX_DTYPES: dict[int, np.dtype[Any]] = {5121: np.dtype("u1"), 5123: np.dtype("<u2"), 5125: np.dtype("<u4")}
 """Types of indices by their glTF component type."""

@@ -5,9 +5,9 @@ Ignoring one in silence would put a wall where nobody sees it.
 
 from __future__ import annotations
 
-from typing import Any, TypeAlias
+from typing import NamedTuple
 
-JsonObject: TypeAlias = dict[str, Any]
+from minigolf_env.courses.io.gltf_buffers import JsonObject, element_of
 
 VISIBILITY_EXTENSION = "KHR_node_visibility"
 """Extension that hides nodes."""
@@ -50,8 +50,20 @@ APPEARANCE_LISTS = ("materials", "textures", "images", "samplers", "cameras")
 """Lists of a file whose elements change no geometry."""
 
 
-def check_required_extensions(data: JsonObject) -> None:
-    """Raise a ValueError if the file requires an extension that the reader lacks (glTF 2.0, section 3.12)."""
+class MeshTraits(NamedTuple):
+    """Shape keys of a mesh."""
+
+    has_shape_keys: bool
+    """True if there are any."""
+    has_weights: bool
+    """True if one has a weight in objects that give none."""
+
+
+def check_requirements(data: JsonObject) -> None:
+    """Raise a ValueError if the file requires an extension or a version that the reader lacks (glTF 2.0, 3.2, 3.12)."""
+    version = data.get("asset", {}).get("minVersion", "2.0")
+    if version != "2.0":
+        raise ValueError(f"it requires glTF {version!r:.20}, which is not read")
     for name in data.get("extensionsRequired", ()):
         if name not in (*APPLIED_EXTENSIONS, *REFUSED_EXTENSIONS) and not str(name).startswith(APPEARANCE_EXTENSIONS):
             raise ValueError(f"it requires the extension {name!r:.60}, which is not read")
@@ -59,16 +71,22 @@ def check_required_extensions(data: JsonObject) -> None:
 
 def is_hidden(node: JsonObject) -> bool:
     """Return whether a node, and so its children, are not part of the scene (KHR_node_visibility)."""
-    return node.get("extensions", {}).get(VISIBILITY_EXTENSION, {}).get("visible", True) is False
+    is_visible = node.get("extensions", {}).get(VISIBILITY_EXTENSION, {}).get("visible", True)
+    if not isinstance(is_visible, bool):
+        raise ValueError(
+            f"{VISIBILITY_EXTENSION}: expected true or false, received {is_visible!r:.40}; show or hide it"
+        )
+    return not is_visible
 
 
 def animated_targets(data: JsonObject) -> set[tuple[str, int]]:
     """Return what animations change: ("nodes", number), ("meshes", number), and ("visibility", number) of a node."""
-    targets = set()
+    targets: set[tuple[str, int]] = set()
     for animation in data.get("animations", ()):
         for channel in animation["channels"]:
             target = channel["target"]
             if "node" in target:
+                element_of(data, "nodes", target["node"])
                 targets.add(("nodes", target["node"]))
             for name, extension in target.get("extensions", {}).items():
                 if name != POINTER_EXTENSION:
@@ -97,13 +115,18 @@ def check_node(node: JsonObject) -> None:
     _check_extensions(node)
 
 
-def check_mesh(node: JsonObject, mesh: JsonObject) -> None:
-    """Raise a ValueError if a node's mesh has a feature that may change it and that the reader does not apply."""
-    weights = node.get("weights") or mesh.get("weights") or ()
-    if any(weights) and any(primitive.get("targets") for primitive in mesh["primitives"]):
-        raise ValueError("it has shape keys (morph targets) with a weight; apply the shape keys")
+def check_mesh(mesh: JsonObject) -> MeshTraits:
+    """Return the traits of a mesh, or raise a ValueError if an extension may change it."""
     for owner in (mesh, *mesh["primitives"]):
         _check_extensions(owner)
+    return MeshTraits(any(item.get("targets") for item in mesh["primitives"]), any(mesh.get("weights") or ()))
+
+
+def check_shape_keys(node: JsonObject, traits: MeshTraits) -> None:
+    """Raise a ValueError if the shape keys of a node's mesh have a weight there (glTF 2.0, section 3.7.2.2)."""
+    has_weights = any(node["weights"]) if node.get("weights") else traits.has_weights
+    if has_weights and traits.has_shape_keys:
+        raise ValueError("it has shape keys (morph targets) with a weight; apply the shape keys")
 
 
 def _check_extensions(owner: JsonObject) -> None:

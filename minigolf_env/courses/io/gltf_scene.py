@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import base64
 import binascii
-import math
 import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -20,22 +19,34 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from trimesh.transformations import quaternion_matrix
 
-from minigolf_env._validation import finite_array
 from minigolf_env.courses.course import CourseError
-from minigolf_env.courses.io.gltf_buffers import element_of, read_indices, read_positions, split_chunks
-from minigolf_env.courses.io.gltf_features import (
+from minigolf_env.courses.io.gltf_buffers import (
+    REPAIR_HINT,
     JsonObject,
+    element_of,
+    read_indices,
+    read_positions,
+    split_chunks,
+)
+from minigolf_env.courses.io.gltf_features import (
+    MeshTraits,
     animated_targets,
     check_mesh,
     check_node,
-    check_required_extensions,
+    check_requirements,
+    check_shape_keys,
     is_hidden,
+)
+from minigolf_env.courses.io.gltf_transforms import (
+    FloatArray,
+    check_transform,
+    node_matrix,
+    y_up_to_z_up,
+    z_up_to_y_up,
 )
 from minigolf_env.courses.schema.limits import MAX_COURSE_COORDINATE, Limits
 
-FloatArray: TypeAlias = NDArray[np.float64]
 IntArray: TypeAlias = NDArray[np.int64]
 
 EXACT_VERTICES_KEY = "exact_vertices"
@@ -57,15 +68,6 @@ OTHER_MODES = {0: "points", 1: "lines", 2: "a loop of lines", 3: "a strip of lin
 MAX_NODE_DEPTH = 64
 """Largest depth of the hierarchy of nodes."""
 
-MAX_TRANSFORM_VALUE = 1e6
-"""Largest value in the transform of a node."""
-
-TRANSFORM_TOLERANCE = 1e-3
-"""Largest error of a rotation's length and of a matrix's last row; 3D programs round both."""
-
-REPAIR_HINT = "export it again"
-"""Remedy in messages about values that no 3D program writes."""
-
 
 class SceneObject(NamedTuple):
     """Named object of a scene: a mesh, or an empty that marks a position."""
@@ -83,7 +85,7 @@ class SceneObject(NamedTuple):
     color: tuple[float, float, float] | None = None
     """Colour (sRGB) for programs that draw the scene; None: grey."""
     data_keys: frozenset[str] = frozenset()
-    """Names of the extra properties of its mesh and its materials."""
+    """Names of the extra properties of its mesh and its materials, as far as no object before has these."""
     is_animated: bool = False
     """True if an animation changes the object, or one above it; no mesh is."""
 
@@ -97,7 +99,7 @@ def read_scene(content: bytes, limits: Limits) -> tuple[list[SceneObject], JsonO
     before = "expected a binary glTF 2.0 file of plain triangles, received one with a fault: "
     with _describe_faults(before, "; export it as .glb without compression or other extensions."):
         data, binary = split_chunks(content, limits)
-        check_required_extensions(data)
+        check_requirements(data)
         scene, roots = _default_scene(data)
         reader = _SceneReader(data, binary, limits)
         for root in roots:
@@ -148,6 +150,8 @@ class _SceneReader:
         self.limits = limits
         self.objects: list[SceneObject] = []
         self.visited: set[int] = set()
+        self.traits: dict[int, MeshTraits] = {}
+        self.reported_owners: set[int] = set()
         self.animated = animated_targets(data)
         self.num_triangles = 0
         self.num_corners = 0
@@ -167,7 +171,7 @@ class _SceneReader:
                 return
             check_node(node)
             is_animated = is_animated or ("nodes", number) in self.animated
-            matrix = _check_transform(parent_matrix @ _node_matrix(node))
+            matrix = check_transform(parent_matrix @ node_matrix(node))
             x, y, z = matrix[:3, 3].tolist()
             item = SceneObject(name, (x, -z, y), _extras_of(node), None, None, is_animated=is_animated)
             self.objects.append(self._add_mesh(item, node, matrix) if "mesh" in node else item)
@@ -177,15 +181,22 @@ class _SceneReader:
     def _add_mesh(self, item: SceneObject, node: JsonObject, matrix: FloatArray) -> SceneObject:
         """Return an object with the mesh of its node."""
         mesh = element_of(self.data, "meshes", node["mesh"])
-        check_mesh(node, mesh)
+        # Check a mesh once: a small file can use a large one in many objects.
+        if node["mesh"] not in self.traits:
+            self.traits[node["mesh"]] = check_mesh(mesh)
+        check_shape_keys(node, self.traits[node["mesh"]])
         if item.is_animated or ("meshes", node["mesh"]) in self.animated:
             raise ValueError("it is moved by an animation; remove the animation")
         vertices, faces = self._read_mesh(mesh, matrix, item.extras)
+        return item._replace(vertices=vertices, faces=faces, data_keys=self._find_data_keys(mesh))
+
+    def _find_data_keys(self, mesh: JsonObject) -> frozenset[str]:
+        """Return the names of the extra properties of a mesh and its materials; those of each are returned once."""
         numbers = {primitive["material"] for primitive in mesh["primitives"] if "material" in primitive}
         owners = [mesh, *mesh["primitives"], *(element_of(self.data, "materials", number) for number in numbers)]
-        extras = [owner.get("extras") for owner in owners]
-        keys = frozenset(key for owned in extras if isinstance(owned, dict) for key in owned)
-        return item._replace(vertices=vertices, faces=faces, data_keys=keys)
+        extras = [owner.get("extras") for owner in owners if id(owner) not in self.reported_owners]
+        self.reported_owners.update(id(owner) for owner in owners)
+        return frozenset(key for owned in extras if isinstance(owned, dict) for key in owned)
 
     def _read_mesh(self, mesh: JsonObject, matrix: FloatArray, extras: JsonObject) -> tuple[FloatArray, IntArray]:
         """Return the vertices and faces of a mesh, in the coordinates of the scene."""
@@ -215,7 +226,7 @@ class _SceneReader:
         if not points:
             raise ValueError("its mesh has no triangles; give it faces, or replace it by an empty")
         # Transform the points; a mirrored object is wound the other way around.
-        vertices = _y_up_to_z_up(_transform_points(np.concatenate(points), extras, matrix))
+        vertices = y_up_to_z_up(_transform_points(np.concatenate(points), extras, matrix))
         if not np.abs(vertices).max(initial=0.0) <= MAX_COURSE_COORDINATE:
             raise ValueError(f"a mesh has positions beyond {MAX_COURSE_COORDINATE:g} m")
         all_faces = np.concatenate(faces)
@@ -226,6 +237,8 @@ class _SceneReader:
 def _triangles_of(index: IntArray, mode: int) -> IntArray:
     """Return the triangles (F, 3) of a primitive's indices (glTF 2.0, section 3.7.2.1)."""
     if mode == TRIANGLES_MODE:
+        if len(index) % 3:
+            raise ValueError(f"its mesh has {len(index)} corners, which is no multiple of three; {REPAIR_HINT}")
         return index.reshape(-1, 3)
     if len(index) < 3:
         raise ValueError("its mesh has a strip or a fan of fewer than three corners")
@@ -233,31 +246,6 @@ def _triangles_of(index: IntArray, mode: int) -> IntArray:
     if mode == FAN_MODE:
         return np.stack([index[k + 1], index[k + 2], index[0 * k]], axis=1)
     return np.stack([index[k], index[k + 1 + k % 2], index[k + 2 - k % 2]], axis=1)
-
-
-def _node_matrix(node: JsonObject) -> FloatArray:
-    """Return the transform (4, 4) of a node in its parent (glTF 2.0, section 3.5.3)."""
-    if "matrix" in node:
-        others = [key for key in ("translation", "rotation", "scale") if key in node]
-        if others:
-            raise ValueError(f"it has both a matrix and {others[0]}; export it with one of them")
-        return _check_transform(finite_array(node["matrix"], (16,), "its matrix", REPAIR_HINT).reshape(4, 4).T)
-    x, y, z, w = finite_array(node.get("rotation", (0.0, 0.0, 0.0, 1.0)), (4,), "its rotation", REPAIR_HINT).tolist()
-    if abs(math.sqrt(x * x + y * y + z * z + w * w) - 1.0) > TRANSFORM_TOLERANCE:
-        raise ValueError(f"its rotation {(x, y, z, w)} is not a unit quaternion; {REPAIR_HINT}")
-    matrix: FloatArray = quaternion_matrix([w, x, y, z]) if "rotation" in node else np.eye(4)  # type: ignore[no-untyped-call]
-    matrix[:3, :3] = matrix[:3, :3] * finite_array(node.get("scale", (1.0, 1.0, 1.0)), (3,), "its scale", REPAIR_HINT)
-    matrix[:3, 3] = finite_array(node.get("translation", (0.0, 0.0, 0.0)), (3,), "its translation", REPAIR_HINT)
-    return _check_transform(matrix)
-
-
-def _check_transform(matrix: FloatArray) -> FloatArray:
-    """Return a transform (4, 4), or raise a ValueError if it is not affine or too large."""
-    if not np.abs(matrix).max() <= MAX_TRANSFORM_VALUE:
-        raise ValueError(f"its transform exceeds {MAX_TRANSFORM_VALUE:g}; {REPAIR_HINT}")
-    if not np.abs(matrix[3] - (0.0, 0.0, 0.0, 1.0)).max() <= TRANSFORM_TOLERANCE:
-        raise ValueError(f"its matrix is not affine; {REPAIR_HINT}")
-    return matrix
 
 
 def _transform_points(stored: NDArray[Any], extras: JsonObject, matrix: FloatArray) -> FloatArray:
@@ -274,15 +262,6 @@ def _transform_points(stored: NDArray[Any], extras: JsonObject, matrix: FloatArr
     if np.array_equal(matrix, np.eye(4)):
         return points
     return np.asarray(points @ matrix[:3, :3].T + matrix[:3, 3])
-
-
-def _y_up_to_z_up(points: FloatArray) -> FloatArray:
-    return np.stack([points[:, 0], -points[:, 2], points[:, 1]], axis=1)
-
-
-def z_up_to_y_up(points: FloatArray) -> FloatArray:
-    """Return points (N, 3) with z up in the coordinates of glTF, with y up."""
-    return np.stack([points[:, 0], points[:, 2], -points[:, 1]], axis=1)
 
 
 def _extras_of(owner: JsonObject) -> JsonObject:

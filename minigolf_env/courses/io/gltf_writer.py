@@ -11,15 +11,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from minigolf_env.courses.io.gltf_buffers import FLOAT_COMPONENT
-from minigolf_env.courses.io.gltf_features import JsonObject
+from minigolf_env.courses.io.gltf_buffers import FLOAT_COMPONENT, JsonObject
 from minigolf_env.courses.io.gltf_scene import (
     EXACT_VERTICES_KEY,
-    FloatArray,
     IntArray,
     SceneObject,
-    z_up_to_y_up,
 )
+from minigolf_env.courses.io.gltf_transforms import FloatArray, z_up_to_y_up
 
 UINT32_COMPONENT = 5125
 """Component type of uint32 in glTF."""
