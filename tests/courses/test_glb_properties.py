@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -186,18 +187,29 @@ def test_height_of_a_tee_overrides_its_position(tmp_path: Path) -> None:
         assert (tee.height, tee.lower[0]) == (height, lower)
 
 
-def test_many_properties_cost_little() -> None:
-    """The cost of names that many objects share is that of reading them once."""
-    keys = {f"restitutio{k}": 0 for k in range(20_000)}
-    corners = np.eye(3, dtype="<f4").tobytes()
+def test_cost_of_a_mesh_of_many_objects_is_that_of_one() -> None:
+    """Properties and extensions that many objects share are checked once."""
+    keys = {f"restitutio{k}": 0 for k in range(2_000)}
+    extensions = {f"KHR_materials_{k}": {} for k in range(2_000)}
+    primitive = {"attributes": {"POSITION": 0}, "material": 0}
     data = {
-        "nodes": [{"mesh": 0} for _ in range(1_000)],
-        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "material": 0}], "weights": [0] * 20_000}],
+        "nodes": [{"mesh": 0} for _ in range(200)],
+        "meshes": [{"primitives": [primitive], "extensions": extensions, "extras": keys}],
         "materials": [{"extras": keys}],
         "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"}],
         "bufferViews": [{"byteLength": 36}],
     }
-    data["meshes"][0]["extras"] = keys  # type: ignore[index]
-    content = packed(data, struct.pack("<I4s", 36, b"BIN\0") + corners)
-    objects, _ = read_scene(content, Limits())
+    content = packed(data, struct.pack("<I4s", 36, b"BIN\0") + np.eye(3, dtype="<f4").tobytes())
+    num_calls = 0
+
+    def count(*_: object) -> None:
+        nonlocal num_calls
+        num_calls += 1
+
+    sys.setprofile(count)
+    try:
+        objects, _ = read_scene(content, Limits())
+    finally:
+        sys.setprofile(None)
     assert sum(len(item.data_keys) for item in objects) == len(keys)
+    assert num_calls < 200_000
