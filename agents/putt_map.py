@@ -29,7 +29,7 @@ from tqdm import tqdm
 from agents.cluster import connect, import_ray
 from agents.config_check import check_ranges, one_line_errors
 from minigolf_env import __version__
-from minigolf_env._atomic_io import atomic_write, write_text
+from minigolf_env._atomic_io import atomic_write, check_output_folder, write_text
 from minigolf_env.apps import putt_map as maps
 from minigolf_env.courses import Course, load_course
 from minigolf_env.envs.task import Result
@@ -224,11 +224,12 @@ def main(config: PuttMapConfig) -> Arrays:
         raise SystemExit(str(error)) from None
     folder = config.out or Path("runs") / f"{course.name}-map"
     try:
+        check_output_folder(folder, "out")
         if missing_shards(config, folder):
             import_ray(config.address)  # Fails here where Ray is missing, before a folder is created.
         create_or_check_folder(config, course, folder)
     except OSError as error:
-        raise SystemExit(f"out: expected a folder to write to, received {error}") from None
+        raise SystemExit(str(error)) from None
 
     simulate_missing_shards(course, config, folder)
     merged = merge_shards(config, course, folder)

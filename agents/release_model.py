@@ -72,7 +72,7 @@ def main(config: ReleaseConfig) -> None:
         validate_config(run_config)
         validate_config(dataclasses.replace(run_config, putt_noise=config.putt_noise))
         model = load_model(config.run / ("best.npz" if is_generalist else "best.zip"))
-        model_path = check_output(config.folder / PRETRAINED_MODELS[name])
+        model_path = check_output(config.folder / PRETRAINED_MODELS[name], "folder")
 
     # Write the model to a temporary file: the present one stays until the new one is evaluated.
     with atomic_write(model_path) as temporary_file:

@@ -39,13 +39,16 @@ from stable_baselines3.common.vec_env import VecMonitor
 
 from agents.config_check import check_count, check_ranges, check_types, check_weights, one_line_errors
 from agents.sb3_vec_env import SB3VecEnv
-from minigolf_env._atomic_io import commit, remove_stale_temps
+from minigolf_env._atomic_io import check_output_folder, commit, remove_stale_temps
 from minigolf_env.evaluation import FIRST_EVALUATION_SEED, NUM_EVALUATION_SEEDS
 from minigolf_env.players.model_files import check_sb3_file
 
 RICH_CONSOLE = Console()
 """Console of all output, so that it does not break the progress bars."""
 
+
+RUNS_FOLDER = Path("runs")
+"""Folder of the run folders whose name is not given."""
 
 NO_FOLDER = Path(os.devnull, "run")
 """Run folder that cannot exist: that of a run that is only checked."""
@@ -125,13 +128,17 @@ def start_run(config: Config, check_model: Callable[[Config, Path | None], None]
     if folder is not None:
         config = read_config(type(config), folder)
     validate_config(config)
+    try:
+        check_output_folder(folder or config.out or RUNS_FOLDER, "resume" if folder else "out")
+    except OSError as error:
+        raise SystemExit(str(error)) from None
     with one_line_errors(_model_expectation(config, folder)):
         check_model(config, folder)
     try:
         if folder is None:
             return config, create_run_folder(config)
         remove_stale_temps(folder)
-    except (OSError, ValueError) as error:
+    except OSError as error:
         raise SystemExit(f"out: expected a folder to write to, received {error}; choose another folder.") from None
     return config, folder
 
@@ -183,7 +190,7 @@ def create_run_folder(config: TrainConfig) -> Path:
         OSError: the folder cannot be created.
     """
     stored = {**dataclasses.asdict(config), "out": None, "resume": None}
-    parent = Path("runs") if config.out is None else config.out.parent
+    parent = RUNS_FOLDER if config.out is None else config.out.parent
     parent.mkdir(parents=True, exist_ok=True)
     temporary = parent / f".new-run-{uuid.uuid4().hex}"
     temporary.mkdir()

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.scenes import FloatArray
+from minigolf_env._atomic_io import atomic_write
 
 ENERGY_ERROR_BOUND = 1e-9
 """Bound of the relative energy error that the conservative mode guarantees."""
@@ -59,8 +60,8 @@ def draw_energy_error(errors: dict[str, FloatArray], seconds: float, path: Path)
         f"{throws} throws at 3 m/s in a room with a sphere and a torus, restitution 1, no friction", loc="left"
     )
     figure.legend(loc="outside lower center", ncols=3, frameon=False, title="median of the throws; band: 8 of 10")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path)
+    with atomic_write(path) as temporary_file:
+        figure.savefig(temporary_file)
     plt.close(figure)
 
 

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from benchmarks.energy_figure import BAND_QUANTILES, draw_energy_error, quantile_band
 from benchmarks.peers import load_peers
 from benchmarks.peers.engine import GRAVITY_ACCELERATION, Conservative, Engine, Minigolf
-from benchmarks.report import print_table, store_results, table_records
+from benchmarks.report import check_files, print_table, store_results, table_records
 from benchmarks.scenes import (
     BALL_RADIUS,
     ROOM_BOUNDS,
@@ -185,6 +185,7 @@ def errors_by_second(error: FloatArray, args: Args) -> dict[str, list[float | No
 
 def main(args: Args) -> None:
     """Print the table; store it and draw the figure if files are given."""
+    check_files(args)
     numba.set_num_threads(1)
     engines: list[type[Engine]] = [Minigolf, Conservative, *load_peers(args.peers)]
     errors = [measure_energy_error(engine, args) for engine in engines]

@@ -24,7 +24,7 @@ import tyro
 from tqdm import tqdm
 
 from benchmarks.failure_counts import count_failures, count_stuck, random_putts
-from benchmarks.report import print_table
+from benchmarks.report import check_files, print_table
 from minigolf_env.courses.procedural import DIFFICULTY_NAMES, GENERATOR_VERSION
 from minigolf_env.courses.procedural.level import build_level
 from minigolf_env.envs import MiniGolfEnv, Result, Task
@@ -164,6 +164,7 @@ def _read_log(log: Path) -> Iterator[tuple[str, LevelReport]]:
 
 def main(args: Args) -> None:
     """Examine the levels; print the table after each difficulty."""
+    check_files(args)
     rows = []
     for difficulty in args.difficulty:
         reports = list(examine_levels(difficulty, args))

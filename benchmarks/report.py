@@ -9,10 +9,21 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from minigolf_env._atomic_io import check_output
 from minigolf_env.evaluation.report import write_json_report
 
 TableRecords = dict[str, dict[str, Any]]
 """The cells of a table by row name and column name."""
+
+
+def check_files(args: Any) -> None:
+    """End the program with one line if a file of its arguments, a dataclass, cannot be written."""
+    for name, value in vars(args).items():
+        if isinstance(value, Path):
+            try:
+                check_output(value, name)
+            except OSError as error:
+                raise SystemExit(str(error)) from None
 
 
 def print_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:

@@ -23,7 +23,7 @@ import tyro
 
 from benchmarks.peers import load_peers
 from benchmarks.peers.engine import Engine
-from benchmarks.report import TableRecords, format_rate, print_table, store_results
+from benchmarks.report import TableRecords, check_files, format_rate, print_table, store_results
 from benchmarks.scenes import GREEN_CELLS, ROOM_BOUNDS, SCENE_BUILDERS, FloatArray, Scene, scene_l, scene_m
 from minigolf_env.physics import World
 
@@ -268,6 +268,7 @@ def measure_memory(build: Callable[[], World]) -> tuple[int, int]:
 
 def main(args: Args) -> None:
     """Print the tables; store the rates if a file is given."""
+    check_files(args)
     threads = numba.get_num_threads()
     numba.set_num_threads(1)
     peers = load_peers(args.peers)

@@ -21,7 +21,8 @@ import tyro
 from matplotlib.figure import Figure
 from tqdm import tqdm
 
-from benchmarks.report import print_table
+from benchmarks.report import check_files, print_table
+from minigolf_env._atomic_io import atomic_write
 
 REPOSITORY = Path(__file__).parents[1]
 
@@ -112,7 +113,8 @@ def draw_learning_curves(results: dict[str, list[TrainingResult]], path: Path) -
         unused_axes.axis("off")
     figure.supxlabel("putts, millions")
     figure.supylabel("mean strokes of a checkpoint")
-    figure.savefig(path, dpi=80)
+    with atomic_write(path) as temporary_file:
+        figure.savefig(temporary_file, dpi=80)
 
 
 def table_row(variant: str, runs: list[TrainingResult]) -> list[str]:
@@ -131,6 +133,7 @@ def table_row(variant: str, runs: list[TrainingResult]) -> list[str]:
 
 def main(args: Args) -> None:
     """Run all variants, print the table, draw the curves."""
+    check_files(args)
     jobs = [(variant, seed) for seed in range(args.seeds) for variant in args.variants]
     results: dict[str, list[TrainingResult]] = {variant: [] for variant in args.variants}
     with ThreadPoolExecutor(args.parallel_runs) as executor:

@@ -5,17 +5,25 @@ A reader finds the old file or the new one, never a part; a program that is inte
 
 from __future__ import annotations
 
+import contextlib
+import errno
 import os
+import tempfile
 import uuid
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 NUM_SUFFIX_DIGITS = 8
 """Number of random hexadecimal digits in the name of a temporary file: .checkpoint-0a1b2c3d.zip for checkpoint.zip."""
 
+DISK_FULL_ERRNOS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+"""Numbers of the errors of a full disk, of a user's quota on it, and of a limit on the size of a file."""
 
-@contextmanager
+DISK_FULL_HINT = "free space on the disk, or choose another folder."
+"""Remedy for a full disk, the end of error messages."""
+
+
+@contextlib.contextmanager
 def atomic_write(path: str | Path) -> Iterator[Path]:
     """Yield a new, empty temporary file to write to; it becomes ``path`` when the block ends.
 
@@ -26,13 +34,18 @@ def atomic_write(path: str | Path) -> Iterator[Path]:
 
     Raises:
         OSError: the file cannot be written. It is raised before the block is entered if the folder is not writable, and
-            after the block if flushing or renaming fails.
+            after the block if flushing or renaming fails. If the block raises it because the disk is full, its message
+            says so.
     """
     target = check_output(path)
     temporary = create_temp_sibling(target)
     try:
         yield temporary
         commit(temporary, target)
+    except OSError as error:
+        if error.errno not in DISK_FULL_ERRNOS:
+            raise
+        raise OSError(f"{target}: cannot be written: {_reason(error)}; {DISK_FULL_HINT}") from error
     finally:
         temporary.unlink(missing_ok=True)
 
@@ -47,20 +60,71 @@ def write_text(path: str | Path, text: str) -> None:
         temporary.write_text(text, encoding="utf-8")
 
 
-def check_output(path: str | Path) -> Path:
-    """Return the absolute path at which a file can be written, or raise an OSError that says what to do."""
-    try:
-        path = Path(path).expanduser().resolve()
-    except (RuntimeError, ValueError) as error:  # A loop of symbolic links, an unknown home folder, a zero byte.
-        raise OSError(f"{str(path)!r}: expected the path of a file to write, {error}; choose another.") from error
+def check_output(path: str | Path, what: str = "output") -> Path:
+    """Return the absolute path at which a file can be written, or raise an OSError that says what to do.
+
+    Args:
+        path: the file; neither it nor its folder need to exist.
+        what: name of the argument in error messages.
+    """
+    path = _resolve(path, what)
     if path.exists() and not path.is_file():
-        raise OSError(f"{path}: expected a file to replace or a new name, there is something else of that name.")
-    folder = next(folder for folder in path.parents if folder.exists())
-    if not folder.is_dir():
-        raise NotADirectoryError(f"{path}: {folder} is not a folder; choose another folder.")
-    if not os.access(folder, os.W_OK | os.X_OK):
-        raise PermissionError(f"{path}: no permission to write in {folder}; choose another folder.")
+        raise OSError(
+            f"{what}: expected a file to replace or a new name, {path} is something else of that name; choose another."
+        )
+    _check_writable(path.parent, path, what)
     return path
+
+
+def check_output_folder(path: str | Path, what: str = "output") -> Path:
+    """Return the absolute path of a folder in which files can be written, or raise an OSError that says what to do.
+
+    Args:
+        path: the folder; it need not exist.
+        what: name of the argument in error messages.
+    """
+    path = _resolve(path, what)
+    _check_writable(path, path, what)
+    return path
+
+
+def _resolve(path: str | Path, what: str) -> Path:
+    """Return a path as absolute path without links, or raise an OSError."""
+    try:
+        resolved = Path(path).expanduser().resolve()
+        with contextlib.suppress(FileNotFoundError, NotADirectoryError):
+            resolved.stat()
+    except (OSError, RuntimeError, ValueError) as error:  # A loop of links, an unknown user, a zero byte, a long name.
+        raise OSError(
+            f"{what}: expected a path, received {str(path)!r:.80}: {_reason(error)}; choose another."
+        ) from error
+    return resolved
+
+
+def _check_writable(folder: Path, path: Path, what: str) -> None:
+    """Raise an OSError unless files can be written in a folder, or in a new folder of this path.
+
+    Args:
+        folder: the folder.
+        path: the file or folder of the error message.
+        what: name of the argument in error messages.
+    """
+    existing = next(parent for parent in (folder, *folder.parents) if parent.exists())
+    if not existing.is_dir():
+        raise NotADirectoryError(f"{what}: cannot write {path}: {existing} is not a folder; choose another folder.")
+    try:
+        # Permissions alone do not tell: the administrator has all, and no one can write to a read-only disk.
+        with tempfile.TemporaryFile(dir=existing):
+            pass
+    except OSError as error:
+        raise OSError(
+            f"{what}: cannot write {path}: no file can be made in {existing}: {_reason(error)}; choose another folder."
+        ) from error
+
+
+def _reason(error: Exception) -> str:
+    """Return the reason of an error in the system's words, without number and path."""
+    return (isinstance(error, OSError) and error.strerror) or str(error)
 
 
 def create_temp_sibling(path: Path) -> Path:
@@ -73,7 +137,7 @@ def create_temp_sibling(path: Path) -> Path:
         temporary.parent.mkdir(parents=True, exist_ok=True)
         temporary.touch(exist_ok=False)
     except OSError as error:
-        raise OSError(f"{path}: cannot be written: {error}; choose another folder.") from error
+        raise OSError(f"{path}: cannot be written: {_reason(error)}; choose another folder.") from error
     return temporary
 
 

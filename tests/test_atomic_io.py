@@ -53,9 +53,9 @@ def test_unwritable_path_is_refused_before_the_block(tmp_path: Path) -> None:
     refused = {
         tmp_path: "something else of that name",
         tmp_path / "file" / "a": "choose another folder",
-        tmp_path / "loop": "expected the path of a file to write",
-        tmp_path / "loop" / "a": "expected the path of a file to write",
-        tmp_path / "zero\0byte": "expected the path of a file to write",
+        tmp_path / "loop": "expected a path",
+        tmp_path / "loop" / "a": "expected a path",
+        tmp_path / "zero\0byte": "expected a path",
     }
     for path, message in refused.items():
         with pytest.raises(OSError, match=message), atomic_write(path):

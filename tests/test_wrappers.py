@@ -147,6 +147,31 @@ def test_rejects_invalid_arguments_before_creating_the_folder(tmp_path: Path) ->
     assert not folder.exists()
 
 
+@pytest.mark.parametrize("name", ["../up", "/up", "sub/up", "up/", "zero\0byte", None])
+def test_videos_stay_in_their_folder(tmp_path: Path, name: Any) -> None:
+    """Names with folders are refused, before anything is made and in the middle of a recording, which continues."""
+    folder = tmp_path / "videos"
+    with pytest.raises(ValueError, match="name_prefix: expected the beginning of a file's name, without folders"):
+        RecordVideo(make(), folder, name_prefix=name)
+    assert not folder.exists()
+    env = RecordVideo(make(), folder, always, fps=1)
+    env.reset(seed=0)
+    with pytest.raises(ValueError, match="video_name: expected"):
+        env.start_recording(name)
+    env.close()
+    assert file_names(tmp_path) == ["videos"] and file_names(folder) == ["rl-video-episode-0.mp4"]
+
+
+@pytest.mark.parametrize("folder", ["file", "file/below", "loop", "zero\0byte", "n" * 300, "/dev/null", "/proc/videos"])
+def test_folder_that_cannot_be_written_is_an_error(tmp_path: Path, folder: str) -> None:
+    """One line names the argument and says what to do."""
+    (tmp_path / "file").touch()
+    (tmp_path / "loop").symlink_to(tmp_path / "loop")
+    with pytest.raises(OSError, match=r"^video_folder: .*; choose another( folder)?\.$"):
+        RecordVideo(make(), tmp_path / folder)
+    assert file_names(tmp_path) == ["file", "loop"]
+
+
 def test_warns_about_videos_that_it_will_replace(tmp_path: Path) -> None:
     """Only videos with the same prefix count."""
     (tmp_path / "rl-video-episode-0.mp4").touch()

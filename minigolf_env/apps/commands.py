@@ -114,9 +114,12 @@ def courses(pictures: Path | None = None) -> None:
     Args:
         pictures: folder for an image of each course, and a contact sheet of all of them, courses.png.
     """
+    from minigolf_env._atomic_io import check_output_folder
     from minigolf_env.apps.gallery import course_table, write_gallery
     from minigolf_env.evaluation.report import print_table
 
+    if pictures is not None:
+        check_output_folder(pictures, "pictures")
     print_table(course_table())
     if pictures is not None:
         print(f"wrote {write_gallery(pictures)}")
@@ -133,9 +136,11 @@ def check(file: Annotated[str, tyro.conf.Positional], preview: Path | None = Non
         preview: image file to write if the hole can be loaded: .png, .jpg or .webp.
     """
     from minigolf_env.apps.course_check import find_course_errors
-    from minigolf_env.apps.gallery import write_preview
+    from minigolf_env.apps.gallery import check_preview, write_preview
     from minigolf_env.courses import load_course
 
+    if preview is not None:
+        check_preview(preview)
     course = load_course(file)
     errors = list(find_course_errors(course))
     for error in errors:
@@ -211,7 +216,7 @@ def evaluate(
     from minigolf_env.players.policies import load_policy
 
     if json is not None:
-        check_output(json)
+        check_output(json, "json")
     result = evaluate_policy(
         load_policy(policy, first_seed),
         policy,
@@ -256,7 +261,7 @@ def benchmark(
     from minigolf_env.evaluation.report import print_benchmark, write_json_report
 
     if json is not None:
-        check_output(json)
+        check_output(json, "json")
     results = list(run_benchmark(policy, difficulty, levels, max_strokes, seed))
     print_benchmark(policy, results)
     if json is not None:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from rich.table import Table
 from tqdm import tqdm
 
-from minigolf_env._atomic_io import atomic_write
+from minigolf_env._atomic_io import atomic_write, check_output
 from minigolf_env._validation import one_of
 from minigolf_env.courses import Course, list_courses, load_course
 from minigolf_env.courses.io.toml_course import read_description
@@ -20,6 +20,9 @@ from minigolf_env.rendering.gl.offscreen import draw
 
 NUM_SHEET_COLUMNS = 3
 """Number of images in a row of the contact sheet."""
+
+SHEET_NAME = "courses"
+"""Name of the contact sheet, without ending."""
 
 PREVIEW_ENDINGS = (".png", ".jpg", ".webp")
 """File endings of a preview."""
@@ -52,12 +55,17 @@ def render_course(course: Course, camera: str = "tee", size: tuple[int, int] = (
 
 
 def write_gallery(folder: Path) -> Path:
-    """Write an image of each bundled course, and all of them on a contact sheet; return the path of the sheet."""
+    """Write an image of each bundled course, and all of them on a contact sheet; return the path of the sheet.
+
+    Raises:
+        OSError: the files cannot be written; nothing was drawn then.
+    """
     from matplotlib.figure import Figure
     from matplotlib.image import imsave
 
-    folder.mkdir(parents=True, exist_ok=True)
     names = [*list_courses(), *ROOM_NAMES]
+    for name in [*names, SHEET_NAME]:
+        check_output(folder / f"{name}.png", "pictures")
     num_rows = -(-len(names) // NUM_SHEET_COLUMNS)
     sheet = Figure(figsize=(5.0 * NUM_SHEET_COLUMNS, 4.05 * num_rows), layout="constrained")
     progress = tqdm(names, "Drawing", leave=False, disable=None)
@@ -70,9 +78,10 @@ def write_gallery(folder: Path) -> Path:
                 imsave(temp_path, image)
             axes.imshow(image)
             axes.set_title(name if course.par is None else f"{name}, par {course.par}", fontsize=16)
-    with atomic_write(folder / "courses.png") as temp_path:
+    sheet_path = folder / f"{SHEET_NAME}.png"
+    with atomic_write(sheet_path) as temp_path:
         sheet.savefig(temp_path, dpi=60)
-    return folder / "courses.png"
+    return sheet_path
 
 
 def write_preview(course: Course, path: Path) -> None:
@@ -84,7 +93,13 @@ def write_preview(course: Course, path: Path) -> None:
     """
     from matplotlib.image import imsave
 
-    one_of(path.suffix.lower(), PREVIEW_ENDINGS, "preview: the file's ending")
+    check_preview(path)
     with atomic_write(path) as temp_path:
         views = [render_course(course, camera, (480, 480)) for camera in ("tee", "top", "orbit")]
         imsave(temp_path, np.concatenate(views, axis=1))
+
+
+def check_preview(path: Path) -> None:
+    """Raise a ValueError or an OSError if no preview can be written to a file."""
+    one_of(path.suffix.lower(), PREVIEW_ENDINGS, "preview: the file's ending")
+    check_output(path, "preview")

@@ -18,7 +18,7 @@ from typing import IO, Self
 import imageio_ffmpeg
 import numpy as np
 
-from minigolf_env._atomic_io import check_output, commit, create_temp_sibling
+from minigolf_env._atomic_io import DISK_FULL_ERRNOS, DISK_FULL_HINT, check_output, commit, create_temp_sibling
 from minigolf_env._validation import integer, one_of
 from minigolf_env.rendering.image import Image, check_size
 
@@ -152,8 +152,8 @@ class VideoWriter:
         self._log.seek(0)
         messages = self._log.read().decode(errors="replace").strip().splitlines() or ["no message"]
         self.discard()
-        is_disk_full = any("No space left" in line for line in messages)
-        hint = "free space on the disk." if is_disk_full else "try another size or suffix, or another ffmpeg."
+        is_disk_full = any(os.strerror(number) in line for number in DISK_FULL_ERRNOS for line in messages)
+        hint = DISK_FULL_HINT if is_disk_full else "try another size or suffix, or another ffmpeg."
         return OSError(f"{self.path}: ffmpeg failed (exit code {self._ffmpeg.returncode}): {messages[-1]}; {hint}")
 
 
@@ -179,8 +179,7 @@ if hasattr(os, "register_at_fork"):
 def check_path(path: str | Path) -> Path:
     """Return the absolute path of a video that can be written, or raise a ValueError or OSError."""
     path = Path(path)
-    if path.suffix.lower() not in VIDEO_SUFFIXES:
-        one_of(path.suffix.lower(), VIDEO_SUFFIXES, f"{path}: the suffix")
+    one_of(path.suffix.lower(), VIDEO_SUFFIXES, "output: the file's ending")
     return check_output(path)
 
 
@@ -207,8 +206,16 @@ def _ffmpeg_command(size: tuple[int, int], fps: int, suffix: str) -> list[str]:
 def _start_ffmpeg(command: list[str], log: IO[bytes]) -> subprocess.Popen[bytes]:
     """Start ffmpeg with a pipe for the frames, or raise an OSError."""
     try:
-        # A separate process group: Ctrl-C reaches Python alone, which then stops ffmpeg.
-        return subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=log, process_group=0)
+        # A separate process group: Ctrl-C reaches Python alone, which then stops ffmpeg. Signals that Python ignores
+        # stay ignored: at a limit on the size of files ffmpeg reports an error, instead of ending without a message.
+        return subprocess.Popen(
+            command,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.DEVNULL,
+            stderr=log,
+            process_group=0,
+            restore_signals=False,
+        )
     except OSError as error:
         raise OSError(f"ffmpeg: {command[0]} does not start: {error}; {FFMPEG_HINT}") from error
 

@@ -12,6 +12,7 @@ from typing import Any, SupportsFloat
 
 import gymnasium as gym
 
+from minigolf_env._atomic_io import check_output_folder
 from minigolf_env._validation import integer
 from minigolf_env.envs import MiniGolfEnv
 from minigolf_env.envs.minigolf import Action, Observation
@@ -88,6 +89,8 @@ class RecordVideo(gym.Wrapper[Observation, Action, Observation, Action], gym.uti
         # Check the arguments before anything is written.
         integer(video_length, "video_length", 0, hint="give a number of frames, or 0 for whole episodes.")
         self.fps = check_fps(int(base_env.metadata["render_fps"]) if fps is None else fps, Path(".mp4"))
+        _require_file_name(name_prefix, "name_prefix")
+        self._folder = check_output_folder(video_folder, "video_folder")
         if episode_trigger is None and step_trigger is None:
             episode_trigger = capped_cubic_schedule
         self._episode_trigger = episode_trigger
@@ -100,7 +103,6 @@ class RecordVideo(gym.Wrapper[Observation, Action, Observation, Action], gym.uti
         self._step = -1
         self._video_name: str | None = None
         self._writer: VideoWriter | None = None
-        self._folder = Path(video_folder).expanduser().absolute()
         self._folder.mkdir(parents=True, exist_ok=True)
         if any(self._folder.glob(f"{escape(name_prefix)}-*.mp4")):
             gym.logger.warn(f"{self._folder} has videos named {name_prefix}-*.mp4, which new ones replace.")
@@ -135,7 +137,12 @@ class RecordVideo(gym.Wrapper[Observation, Action, Observation, Action], gym.uti
         return result
 
     def start_recording(self, video_name: str) -> None:
-        """Begin a video of a name, without its suffix; a video that is being recorded ends."""
+        """Begin a video of a name, without its suffix; a video that is being recorded ends.
+
+        Raises:
+            ValueError: the name is that of a file in another folder.
+        """
+        _require_file_name(video_name, "video_name")
         self.stop_recording()
         self._video_name = video_name
 
@@ -193,6 +200,15 @@ class RecordVideo(gym.Wrapper[Observation, Action, Observation, Action], gym.uti
             gym.logger.warn(
                 f"The video {self._video_name} was not finished and is lost: call close() on the environment."
             )
+
+
+def _require_file_name(name: str, what: str) -> None:
+    """Raise a ValueError unless a name is the beginning of a file's name, without folders."""
+    if Path(str(name)).name != name or "\0" in name:
+        raise ValueError(
+            f"{what}: expected the beginning of a file's name, without folders, received {name!r:.80}; "
+            "video_folder is the folder of the videos."
+        )
 
 
 def _require_minigolf(env: gym.Env[Observation, Action]) -> MiniGolfEnv:

@@ -166,7 +166,7 @@ def _umask(folder: Path) -> int:
     [
         ("a.avi", SIZE, FPS, "'.mp4', '.gif'"),
         ("a.mp", SIZE, FPS, "did you mean '.mp4'"),
-        ("a", SIZE, FPS, "the suffix"),
+        ("a", SIZE, FPS, "the file's ending"),
         ("file/a.mp4", SIZE, FPS, "is not a folder; choose another folder"),
         ("folder.mp4", SIZE, FPS, "something else of that name"),
         ("a.mp4", (0, 48), FPS, "width and height"),
