@@ -7,6 +7,8 @@ import os
 import socket
 from typing import Any
 
+from minigolf_env._validation import quote, quote_error
+
 SINGLE_CORE_ENV = {"env_vars": {"NUMBA_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}}
 """Runtime environment of the workers: one thread each, as Ray starts one worker for each core."""
 
@@ -36,9 +38,10 @@ def connect(address: str | None = None, num_cpus: int | None = None) -> Any:
             socket.create_connection((host, int(port)), CONNECT_TIMEOUT).close()
         ray.init(address=address, runtime_env=SINGLE_CORE_ENV, **quiet)
     except (OSError, ValueError) as error:
-        reason = str(error).splitlines()[0]
+        reason = quote_error(error).splitlines()[0]
         raise SystemExit(
-            f'address: expected "auto" on a node of a running cluster, or HOST:PORT, received {address!r}: {reason}'
+            f'address: expected "auto" on a node of a running cluster, or HOST:PORT, received {quote(address)}: '
+            f"{reason}"
         ) from None
     return ray
 

@@ -11,6 +11,7 @@ from typing import Any
 import torch
 from pydantic import TypeAdapter, ValidationError
 
+from minigolf_env._validation import quote, quote_unless_plain
 from minigolf_env.evaluation import NUM_EVALUATION_SEEDS
 
 MAX_COUNT = 2**31 - 1
@@ -48,8 +49,8 @@ def check_types(expected_type: Any, values: Any) -> Any:
         return TypeAdapter(expected_type).validate_python(values)
     except ValidationError as error:
         fault = error.errors(include_url=False)[0]
-        name = ".".join(map(str, fault["loc"])) or "configuration"
-        raise ValueError(f"{name}: {fault['msg'].lower()}, received {fault['input']!r:.60}.") from error
+        name = quote_unless_plain(".".join(map(str, fault["loc"])) or "configuration")
+        raise ValueError(f"{name}: {fault['msg'].lower()}, received {quote(fault['input'])}.") from error
 
 
 def check_ranges(config: Any) -> None:
@@ -65,13 +66,13 @@ def check_ranges(config: Any) -> None:
             if not (math.isfinite(number) and low <= number <= high) or (is_open and number == 0.0):
                 expected = f"above {low:g}" if is_open else f"at least {low:g}"
                 limit = "" if math.isinf(high) else f" and at most {high:,}"
-                raise ValueError(f"{field.name}: expected a number {expected}{limit}, received {value!r:.60}.")
+                raise ValueError(f"{field.name}: expected a number {expected}{limit}, received {quote(value)}.")
 
 
 def check_count(value: Any, what: str) -> int:
     """Return a count of a stored run, or raise a ValueError if it is not an integer of at least 0."""
     if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= MAX_COUNT:
-        raise ValueError(f"{what}: expected an integer from 0 to {MAX_COUNT}, received {value!r:.60}")
+        raise ValueError(f"{what}: expected an integer from 0 to {MAX_COUNT}, received {quote(value)}")
     return value
 
 

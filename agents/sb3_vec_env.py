@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvObs, VecEnvStepReturn
 
+from minigolf_env._validation import quote
+
 
 class SB3VecEnv(VecEnv):
     """Gymnasium vector environment in SameStep mode as a VecEnv.
@@ -54,7 +56,7 @@ class SB3VecEnv(VecEnv):
         if len(self._options) != self.num_envs or any(options.keys() != keys for options in self._options):
             raise ValueError(
                 f"options: expected the same keys for each of {self.num_envs} environments, "
-                f"received {self._options!r:.80}."
+                f"received {quote(self._options)}."
             )
         return {key: [options[key] for options in self._options] for key in keys}
 

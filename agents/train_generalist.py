@@ -44,6 +44,7 @@ from agents.training_run import (
     start_run,
 )
 from minigolf_env._atomic_io import atomic_write
+from minigolf_env._validation import quote
 from minigolf_env.courses.procedural import PROCEDURAL_COURSE
 from minigolf_env.evaluation.evaluate import EvaluationResult
 from minigolf_env.players.mlp import MLP, Layer
@@ -300,7 +301,7 @@ def main(config: GeneralistConfig) -> list[EvaluationResult]:
         )
     if config.difficulty is not None:
         raise SystemExit(
-            f"difficulty: expected none, received {config.difficulty!r}; give --difficulties, one or more."
+            f"difficulty: expected none, received {quote(config.difficulty)}; give --difficulties, one or more."
         )
     if not config.difficulties:
         raise SystemExit("difficulties: expected one or more of easy, medium and hard, received none.")

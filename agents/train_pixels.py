@@ -26,6 +26,7 @@ from agents.training_run import (
     save_on_interrupt,
     start_run,
 )
+from minigolf_env._validation import quote
 from minigolf_env.evaluation.evaluate import EvaluationResult
 
 
@@ -90,7 +91,7 @@ def main(config: PixelsConfig) -> list[EvaluationResult]:
     started = time.monotonic()
     torch.set_num_threads(1)  # A second thread mostly waits for the first, at full load.
     if config.observation != "pixels":
-        raise SystemExit(f'observation: expected "pixels", received {config.observation!r}; use agents.train_ppo.')
+        raise SystemExit(f'observation: expected "pixels", received {quote(config.observation)}; use agents.train_ppo.')
     config, folder = start_run(config, functools.partial(check_sb3_model, make_pixel_model))
 
     envs = make_sb3_envs(config)

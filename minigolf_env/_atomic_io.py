@@ -13,6 +13,8 @@ import uuid
 from collections.abc import Iterator
 from pathlib import Path
 
+from minigolf_env._validation import quote
+
 NUM_SUFFIX_DIGITS = 8
 """Number of random hexadecimal digits in the name of a temporary file: .checkpoint-0a1b2c3d.zip for checkpoint.zip."""
 
@@ -96,7 +98,7 @@ def _resolve(path: str | Path, what: str) -> Path:
             resolved.stat()
     except (OSError, RuntimeError, ValueError) as error:  # A loop of links, an unknown user, a zero byte, a long name.
         raise OSError(
-            f"{what}: expected a path, received {str(path)!r:.80}: {_reason(error)}; choose another."
+            f"{what}: expected a path, received {quote(str(path))}: {_reason(error)}; choose another."
         ) from error
     return resolved
 

@@ -12,6 +12,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Annotated
 
+from minigolf_env._validation import quote
 from minigolf_env.evaluation import FIRST_EVALUATION_SEED
 
 if TYPE_CHECKING:
@@ -273,7 +274,7 @@ def _parse_position(text: str) -> tuple[float, float]:
     try:
         x, y = (float(number) for number in text.split(","))
     except ValueError:
-        raise ValueError(f"tee: expected X,Y in metres, such as 0.3,0.6, received {text!r}.") from None
+        raise ValueError(f"tee: expected X,Y in metres, such as 0.3,0.6, received {quote(text)}.") from None
     return x, y
 
 

@@ -13,7 +13,7 @@ from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 
-from minigolf_env._validation import finite_array, one_of, positive_number
+from minigolf_env._validation import finite_array, one_of, positive_number, quote
 from minigolf_env.physics import TriangleMesh, World
 
 Point2: TypeAlias = tuple[float, float]
@@ -74,7 +74,7 @@ class Cup:
         for name, size in (("radius", self.radius), ("depth", self.depth)):
             if not size > ball_radius:
                 raise CourseError(
-                    f"cup {name}: expected more than the ball's radius, {ball_radius:g} m, received {size!r}; "
+                    f"cup {name}: expected more than the ball's radius, {ball_radius:g} m, received {quote(size)}; "
                     "the ball has to drop below the rim."
                 )
 
@@ -125,7 +125,7 @@ class Part:
     """Colour the material is tinted with: sRGB red, green and blue in [0, 1]; None: the material's own colour."""
 
     def __post_init__(self) -> None:
-        with course_errors(f"part {self.name!r}"):
+        with course_errors(f"part {quote(self.name)}"):
             one_of(self.material, get_args(Material), "material")
             if self.color is not None:
                 values = finite_array(self.color, (3,), "color", "give red, green, blue in [0, 1].")
@@ -133,7 +133,7 @@ class Part:
                     raise CourseError(f"color: expected values in [0, 1], received {self.color}; divide by 255.")
             if self.mesh.two_sided:  # A one-sided TriangleMesh is closed.
                 raise CourseError(
-                    f"mesh: expected a closed, one-sided TriangleMesh, received {self.mesh!r}; "
+                    f"mesh: expected a closed, one-sided TriangleMesh, received {quote(self.mesh)}; "
                     "close its holes and wind its faces consistently, so that no ball can enter it."
                 )
 
@@ -169,9 +169,9 @@ class Course:
     """Gravitational acceleration, m/s^2."""
 
     def __post_init__(self) -> None:
-        with course_errors(f"course {self.name!r}"):
+        with course_errors(f"course {quote(self.name)}"):
             if not self.parts or not all(isinstance(part, Part) for part in self.parts):
-                raise CourseError(f"parts: expected at least one Part, received {self.parts!r:.80}.")
+                raise CourseError(f"parts: expected at least one Part, received {quote(self.parts)}.")
             positive_number(self.top_speed, "top_speed", "give the launch speed of a full putt in m/s.")
             positive_number(self.ball_radius, "ball_radius", "a golf ball has 0.02135 m.")
             finite_array(self.gravity, (3,), "gravity", "the Earth's is (0, 0, -9.81) m/s^2.")
@@ -198,7 +198,7 @@ class Course:
             bounds=self.bounds,
         )
         for place, positions in self._required_positions().items():
-            with course_errors(f"course {self.name!r}: {place}"):
+            with course_errors(f"course {quote(self.name)}: {place}"):
                 world.check_collision_free(sorted(set(positions)))
         return world
 
@@ -226,28 +226,30 @@ class Course:
         if self.cup is None:
             if self.par is not None or self.route:
                 raise CourseError(
-                    f"par and route: expected None and () without cup, received {self.par!r} and {self.route!r}; "
-                    "give a cup, or leave them out."
+                    f"par and route: expected None and () without cup, received {quote(self.par)} and "
+                    f"{quote(self.route)}; give a cup, or leave them out."
                 )
             return
         if not self.gravity[2] < 0.0:
             raise CourseError(
-                f"gravity: expected one that pulls down where there is a cup, received {self.gravity!r}; "
+                f"gravity: expected one that pulls down where there is a cup, received {quote(self.gravity)}; "
                 "the Earth's is (0, 0, -9.81) m/s^2."
             )
         self.cup.check_ball_fits(self.ball_radius)
         if type(self.par) is not int or self.par < 1:
-            raise CourseError(f"par: expected an integer >= 1, received {self.par!r}; count a good player's strokes.")
+            raise CourseError(
+                f"par: expected an integer >= 1, received {quote(self.par)}; count a good player's strokes."
+            )
         route = finite_array(self.route, (None, 2), "route", "give x, y for each point.")
         ends = (self.tee.centre, self.cup.position[:2])
         if len(route) < 2 or not np.allclose(route[[0, -1]], ends, rtol=0.0, atol=1e-9):
             raise CourseError(
                 f"route: expected points from the tee's centre to the cup, {ends[0]} to {ends[1]}, "
-                f"received {self.route!r}; add the ends."
+                f"received {quote(self.route)}; add the ends."
             )
         if (np.diff(route, axis=0) == 0.0).all(axis=1).any():
             raise CourseError(
-                f"route: expected segments with a length, received {self.route!r}; remove repeated points."
+                f"route: expected segments with a length, received {quote(self.route)}; remove repeated points."
             )
 
     def __deepcopy__(self, memo: dict[int, object]) -> Course:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import functools
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from minigolf_env._validation import one_of, positive_number
+from minigolf_env._validation import one_of, positive_number, quote
 from minigolf_env.courses.course import Course, CourseError
 from minigolf_env.courses.procedural import PROCEDURAL_COURSE, is_level_name, level_name, load_level
 from minigolf_env.courses.schema.limits import Limits
@@ -114,16 +115,20 @@ def _bundled_par(name: str) -> int | None:
 
 def _find_file(name: str | Path) -> Path:
     """Return the file of a course, or raise a ValueError."""
+    if not isinstance(name, str | os.PathLike):
+        raise ValueError(f"course: expected a name or the path of a file, received {quote(name)}; see list_courses().")
     name = str(name)
     if Path(name).suffix.lower() in COURSE_FILE_SUFFIXES:
         path = Path(name)
-        if path.is_file():
+        if os.path.isfile(path):  # noqa: PTH113 - Path.is_file raises an OSError for a name that is too long.
             return path.resolve()
-        raise ValueError(f"course: expected a course file, received {name!r}, which does not exist; check the path.")
+        raise ValueError(
+            f"course: expected a course file, received {quote(name)}, which does not exist; check the path."
+        )
     if name == PROCEDURAL_COURSE:
         raise ValueError(
-            f"course: expected one hole, received {name!r}, which names all levels; "
-            f"name one of them, such as {level_name('easy', 17)!r}."
+            f"course: expected one hole, received {quote(name)}, which names all levels; "
+            f"name one of them, such as {quote(level_name('easy', 17))}."
         )
     return DATA_DIR / f"{one_of(name, HOLE_NAMES + ROOM_NAMES, 'course')}.toml"
 
@@ -133,7 +138,7 @@ def _check_unchanged(course: Course, cup_radius: float | None) -> Course:
     if cup_radius is None or (course.cup is not None and cup_radius == course.cup.radius):
         return course
     raise CourseError(
-        f"cup_radius: expected None with a Course, whose cup is already cut, received {cup_radius!r}; "
+        f"cup_radius: expected None with a Course, whose cup is already cut, received {quote(cup_radius)}; "
         "give the name of a bundled course, or build the Course with that cup."
     )
 

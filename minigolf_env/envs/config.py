@@ -5,7 +5,6 @@ The arguments of reset, step and set_state are validated by the functions at the
 
 from __future__ import annotations
 
-import difflib
 import functools
 import warnings
 from collections.abc import Iterator, Sequence
@@ -18,7 +17,7 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import ArrayLike, NDArray
 
-from minigolf_env._validation import finite_array, integer, one_of, positive_number
+from minigolf_env._validation import closest_choice, finite_array, integer, one_of, positive_number, quote
 from minigolf_env.courses import ROUND_COURSE, ROUND_HOLES, Course, list_courses, load_course
 from minigolf_env.courses.library import ROOM_NAMES
 from minigolf_env.courses.procedural import (
@@ -166,10 +165,10 @@ def build_env_config(
 def _unknown_argument_message(name: str) -> str:
     """Return the message about an unknown argument; it begins as Python's, by which TorchRL and others recognise it."""
     names = ("course", "render_mode", *EnvOptions.__annotations__)
-    closest = "".join(difflib.get_close_matches(name, (*names, *ARGUMENT_HINTS), n=1))
-    guess = f"did you mean {closest!r}?" if closest else "the docstring of MiniGolfEnv describes them."
+    closest = closest_choice(name, (*names, *ARGUMENT_HINTS)) or ""
+    guess = f"did you mean {quote(closest)}?" if closest else "the docstring of MiniGolfEnv describes them."
     advice = ARGUMENT_HINTS.get(closest, guess)
-    return f"got an unexpected keyword argument {name!r:.60}: expected one of {', '.join(map(repr, names))}; {advice}"
+    return f"got an unexpected keyword argument {quote(name)}: expected one of {', '.join(map(repr, names))}; {advice}"
 
 
 def build_task_sampler(
@@ -191,8 +190,8 @@ def build_task_sampler(
     if course != PROCEDURAL_COURSE:
         if given:
             raise ValueError(
-                f"{', '.join(given)}: expected with course={PROCEDURAL_COURSE!r} only, "
-                f"received {given} with {course!r:.80}."
+                f"{', '.join(given)}: expected with course={quote(PROCEDURAL_COURSE)} only, "
+                f"received {given} with {quote(course)}."
             )
         return _build_round(rules) if course == ROUND_COURSE else SingleTask(build_task(_check_name(course), **rules))
     difficulty = one_of(given.get("difficulty", DIFFICULTY_NAMES[0]), DIFFICULTY_NAMES, "difficulty")
@@ -221,7 +220,7 @@ def build_task(
     loaded = load_course(course, cup_radius=cup_radius)
     if loaded.cup is None:
         raise ValueError(
-            f"course: expected one with a cup, received {loaded.name!r}; "
+            f"course: expected one with a cup, received {quote(loaded.name)}; "
             "load_course(...).world() throws a ball in a room without a cup."
         )
     speed = loaded.top_speed if top_speed is None else top_speed
@@ -291,7 +290,7 @@ def check_autoreset(mode: str | AutoresetMode) -> AutoresetMode:
     """Return an autoreset mode, or raise a ValueError."""
     known = [m.value for m in AutoresetMode]
     if mode not in known and mode not in list(AutoresetMode):
-        raise ValueError(f"autoreset_mode: expected one of {known}, received {mode!r}.")
+        raise ValueError(f"autoreset_mode: expected one of {known}, received {quote(mode)}.")
     return AutoresetMode(mode)
 
 
@@ -299,10 +298,10 @@ def check_options(options: Any, *known: str) -> dict[str, Any]:
     """Return a copy of reset's options, a dict of known keys, or raise a ValueError."""
     given = {} if options is None else options
     if not isinstance(given, dict):
-        raise ValueError(f"options: expected a dict or None, received {given!r:.80}.")
-    unknown = sorted(map(str, given.keys() - set(known)))
+        raise ValueError(f"options: expected a dict or None, received {quote(given)}.")
+    unknown = [name for name in given if name not in known]
     if unknown:
-        raise ValueError(f"options: expected only {' and '.join(map(repr, known))}, received {unknown} as well.")
+        raise ValueError(f"options: expected only {' and '.join(map(repr, known))}, received {quote(unknown)} as well.")
     return dict(given)
 
 
@@ -311,7 +310,9 @@ def check_mask(mask: Any, n: int) -> NDArray[np.int64]:
     if mask is None:
         return np.arange(n)
     if not (isinstance(mask, np.ndarray) and mask.dtype == np.bool_ and mask.shape == (n,) and mask.any()):
-        raise ValueError(f"reset_mask: expected a bool array of shape ({n},) with a True in it, received {mask!r:.80}.")
+        raise ValueError(
+            f"reset_mask: expected a bool array of shape ({n},) with a True in it, received {quote(mask)}."
+        )
     return np.flatnonzero(mask)
 
 
@@ -319,7 +320,7 @@ def one_per_env(value: Any, n: int, what: str) -> list[Any]:
     """Return a sequence of n values, one for each environment, as a list, or raise a ValueError."""
     values = list(value) if isinstance(value, (Sequence, np.ndarray)) and not isinstance(value, str) else None
     if values is None or len(values) != n:
-        received = f"{value!r:.80}" if values is None else f"{len(values)}"
+        received = f"{quote(value)}" if values is None else f"{len(values)}"
         raise ValueError(f"{what}: expected {n}, one for each environment, received {received}.")
     return values
 
@@ -332,7 +333,7 @@ def check_noise(value: tuple[float, float]) -> tuple[float, float]:
     """
     direction_deviation, speed_deviation = finite_array(value, (2,), "putt_noise", NOISE_HINT).tolist()
     if direction_deviation < 0.0 or speed_deviation < 0.0:
-        raise ValueError(f"putt_noise: expected numbers >= 0, received {value!r}; {NOISE_HINT}")
+        raise ValueError(f"putt_noise: expected numbers >= 0, received {quote(value)}; {NOISE_HINT}")
     return direction_deviation, speed_deviation
 
 

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from minigolf_env._validation import finite_array, integer
+from minigolf_env._validation import finite_array, integer, quote, quote_error
 from minigolf_env.envs.config import POSITION_HINT, check_positions
 from minigolf_env.envs.holes import FloatArray
 from minigolf_env.envs.samplers import TaskSampler
@@ -58,11 +58,11 @@ def decode_state(state: Any, sampler: TaskSampler, task: Task) -> EpisodeState:
     """
     known = {"position", "strokes", "over", "np_random", sampler.index_name}
     if not isinstance(state, dict) or "position" not in state or not known.issuperset(state):
-        received = sorted(map(str, state)) if isinstance(state, dict) else f"{state!r:.80}"
-        raise ValueError(f"state: expected 'position' and what get_state() returns, received {received}.")
+        received = list(state) if isinstance(state, dict) else state
+        raise ValueError(f"state: expected 'position' and what get_state() returns, received {quote(received)}.")
     over = state.get("over", False)
     if not isinstance(over, (bool, np.bool_)):
-        raise ValueError(f"over: expected True or False, received {over!r:.80}.")
+        raise ValueError(f"over: expected True or False, received {quote(over)}.")
     task = sampler.get(state[sampler.index_name]) if sampler.index_name in state else task
     position = finite_array(state["position"], (3,), "position", POSITION_HINT)
     max_strokes = task.max_strokes if over else task.max_strokes - 1
@@ -74,9 +74,9 @@ def decode_state(state: Any, sampler: TaskSampler, task: Task) -> EpisodeState:
             probe = np.random.PCG64(0)
             probe.state = generator
             if probe.state != generator:
-                raise ValueError(f"received {generator!r:.200}")
+                raise ValueError(f"received {quote(generator)}")
         except (KeyError, OverflowError, TypeError, ValueError) as error:
-            raise ValueError(f"np_random: expected a state of numpy's PCG64 generator; {error}") from error
+            raise ValueError(f"np_random: expected a state of numpy's PCG64 generator; {quote_error(error)}") from error
     return EpisodeState(task, position, strokes, bool(over), generator)
 
 

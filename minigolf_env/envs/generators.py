@@ -10,6 +10,7 @@ import numpy as np
 from gymnasium.utils import seeding
 from numpy.typing import NDArray
 
+from minigolf_env._validation import quote
 from minigolf_env.envs.config import one_per_env
 
 
@@ -48,7 +49,7 @@ def check_generators(values: Any, num_envs: int) -> NDArray[np.object_]:
     distinct = {id(source) for source in bit_generators if type(source) is np.random.PCG64}
     if len(distinct) < num_envs:
         raise ValueError(
-            f"np_random: expected {num_envs} different generators of numpy's PCG64, received {rngs!r:.80}; "
+            f"np_random: expected {num_envs} different generators of numpy's PCG64, received {quote(rngs)}; "
             "environments that shared one would disturb each other."
         )
     return np.array(rngs, dtype=object)

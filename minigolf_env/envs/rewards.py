@@ -21,7 +21,7 @@ import numpy as np
 from gymnasium.envs.registration import EnvSpec
 from numpy.typing import ArrayLike, NDArray
 
-from minigolf_env._validation import finite_array, one_of
+from minigolf_env._validation import finite_array, one_of, quote
 from minigolf_env.envs.holes import FloatArray
 from minigolf_env.envs.task import Outcome, TaskBatch
 
@@ -82,7 +82,7 @@ class CheckedReward:
             return np.zeros(0)
         views = Outcome(*(_read_only(field) for field in outcome))
         rewards = self.function(_read_only(before), views, _read_only(ended), task)
-        name = f"reward {_function_name(self.function)!r}"
+        name = f"reward {quote(_function_name(self.function))}"
         hint = "a reward function returns an array with one finite number for each ball."
         return finite_array(rewards, (len(before),), name, hint)
 
@@ -106,7 +106,8 @@ class FunctionRewardSpec(EnvSpec):
         name = _function_name(self.kwargs["reward"])
         raise ValueError(
             f"spec: expected a reward by its name, one of {', '.join(map(repr, REWARDS))}, received the function "
-            f"{name!r}, which JSON cannot hold; add it to REWARDS in minigolf_env/envs/rewards.py and give its name."
+            f"{quote(name)}, which JSON cannot hold; add it to REWARDS in minigolf_env/envs/rewards.py and give its "
+            "name."
         )
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from minigolf_env._validation import integer
+from minigolf_env._validation import integer, quote
 from minigolf_env.courses import ROUND_COURSE, ROUND_HOLES, Course
 from minigolf_env.envs.task import Task
 
@@ -41,7 +41,8 @@ class SingleTask:
         """Raise a ValueError: the course has no levels."""
         name = self._task.course.name
         raise ValueError(
-            f"level: expected none on the course {name!r}, received {index!r:.80}; only course='procedural' has levels."
+            f"level: expected none on the course {quote(name)}, received {quote(index)}; only "
+            "course='procedural' has levels."
         )
 
 

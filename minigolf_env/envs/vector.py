@@ -13,7 +13,7 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
-from minigolf_env._validation import integer
+from minigolf_env._validation import integer, quote
 from minigolf_env.courses import Course
 from minigolf_env.envs.config import (
     EnvOptions,
@@ -304,7 +304,7 @@ class MiniGolfVectorEnv(gym.vector.VectorEnv[Observations, Actions, NDArray[Any]
             return self._seeds
         known = ", ".join(map(repr, sorted([*SHARED_ATTRIBUTES, "np_random", "np_random_seed", "task"])))
         raise AttributeError(
-            f"name: expected one of {known}, or to call 'get_state', 'render' or 'what_if', received {name!r}; "
+            f"name: expected one of {known}, or to call 'get_state', 'render' or 'what_if', received {quote(name)}; "
             "to move the balls, call the vector environment's own reset, step or set_state, which act on all of them."
         )
 
@@ -316,7 +316,9 @@ class MiniGolfVectorEnv(gym.vector.VectorEnv[Observations, Actions, NDArray[Any]
             ValueError: the values are not N different generators such as ``gymnasium.utils.seeding.np_random`` makes.
         """
         if name != "np_random":
-            raise AttributeError(f"name: expected 'np_random', received {name!r}; make a new batch for other options.")
+            raise AttributeError(
+                f"name: expected 'np_random', received {quote(name)}; make a new batch for other options."
+            )
         self._require_reset()
         rngs = check_generators(values, self.num_envs)
         is_new = [rng is not old for rng, old in zip(rngs, self._rngs, strict=True)]

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from tqdm import tqdm
 
-from minigolf_env._validation import one_of
+from minigolf_env._validation import one_of, quote
 from minigolf_env.courses.procedural import DIFFICULTY_NAMES, PROCEDURAL_COURSE
 from minigolf_env.envs import MiniGolfEnv, MiniGolfVectorEnv, round_reset_options
 from minigolf_env.envs.config import ignore_unseen_levels
@@ -102,7 +102,9 @@ def evaluate(
         difficulty = one_of(DIFFICULTY_NAMES[0] if difficulty is None else difficulty, DIFFICULTY_NAMES, "difficulty")
         env_args |= {"difficulty": difficulty, "tee": "fixed"}
     elif difficulty is not None:
-        raise ValueError(f"difficulty: expected with course={PROCEDURAL_COURSE!r} only, received {difficulty!r}.")
+        raise ValueError(
+            f"difficulty: expected with course={quote(PROCEDURAL_COURSE)} only, received {quote(difficulty)}."
+        )
     warn_if_untrained(policy, str(course))
     # Play the episodes.
     starts = [_EpisodeStart.of(course, first_seed, k) for k in range(episodes)]

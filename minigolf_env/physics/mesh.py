@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from minigolf_env._validation import finite_array
+from minigolf_env._validation import finite_array, quote, quote_unless_plain
 from minigolf_env.physics.types import FloatArray, Surface
 
 MAX_COORDINATE = 1e9
@@ -54,12 +54,13 @@ class TriangleMesh:
         name: str = "mesh",
     ) -> None:
         self.name = str(name)
-        self.vertices = _validated_vertices(vertices, self.name)
-        self.faces = _validated_faces(faces, len(self.vertices), self.name)
+        title = quote_unless_plain(self.name)
+        self.vertices = _validated_vertices(vertices, title)
+        self.faces = _validated_faces(faces, len(self.vertices), title)
         self.surface = Surface() if surface is None else surface
         if not isinstance(self.surface, Surface):
-            raise ValueError(f"{self.name}: surface: expected a Surface, received {type(surface).__name__}.")
-        self.two_sided = self._validated_two_sided(two_sided)
+            raise ValueError(f"{title}: surface: expected a Surface, received {type(surface).__name__}.")
+        self.two_sided = self._validated_two_sided(two_sided, title)
 
     @property
     def triangles(self) -> FloatArray:
@@ -94,16 +95,16 @@ class TriangleMesh:
         corners: FloatArray = self.vertices[self.faces[face][[side, (side + 1) % 3]]]
         return corners
 
-    def _validated_two_sided(self, two_sided: bool | None) -> bool:
+    def _validated_two_sided(self, two_sided: bool | None, title: str) -> bool:
         if two_sided not in (None, True, False):
-            raise ValueError(f"{self.name}: two_sided: expected None, True or False, received {two_sided!r}.")
+            raise ValueError(f"{title}: two_sided: expected None, True or False, received {quote(two_sided)}.")
         if two_sided:
             return True
         has_unpaired = self._is_unpaired_edge().any(axis=0)
         if two_sided is not None and has_unpaired.any():
             face = int(has_unpaired.argmax())
             raise ValueError(
-                f"{self.name}: two_sided: expected None or True for a mesh that is open or not wound one way, received "
+                f"{title}: two_sided: expected None or True for a mesh that is open or not wound one way, received "
                 f"False; an edge of face {face}, {self.faces[face].tolist()}, lacks a neighbour that passes it the "
                 "other way: close the mesh, wind its faces alike, or leave two_sided out."
             )
@@ -151,29 +152,29 @@ def _dot(a: Sequence[FloatArray], b: Sequence[FloatArray]) -> FloatArray:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-def _validated_vertices(vertices: ArrayLike, name: str) -> FloatArray:
+def _validated_vertices(vertices: ArrayLike, title: str) -> FloatArray:
     hint = "give one row (x, y, z) per vertex, in metres, near the origin."
-    array = finite_array(vertices, (None, 3), f"{name}: vertices", hint, MAX_COORDINATE)
+    array = finite_array(vertices, (None, 3), f"{title}: vertices", hint, MAX_COORDINATE)
     array.flags.writeable = False
     return array
 
 
-def _validated_faces(faces: ArrayLike, num_vertices: int, name: str) -> NDArray[np.int64]:
+def _validated_faces(faces: ArrayLike, num_vertices: int, title: str) -> NDArray[np.int64]:
     try:
         raw = np.asarray(faces)
     except ValueError as error:
-        raise ValueError(f"{name}: faces: expected shape (F, 3), received rows of different lengths.") from error
+        raise ValueError(f"{title}: faces: expected shape (F, 3), received rows of different lengths.") from error
     if raw.ndim != 2 or raw.shape[1] != 3 or len(raw) == 0:
         raise ValueError(
-            f"{name}: faces: expected shape (F, 3) with F >= 1, received {raw.shape}; "
+            f"{title}: faces: expected shape (F, 3) with F >= 1, received {raw.shape}; "
             "give one row of three vertex numbers per triangle (split larger polygons)."
         )
     if not np.issubdtype(raw.dtype, np.integer):
-        raise ValueError(f"{name}: faces: expected integers, received {raw.dtype}; faces number rows of vertices.")
+        raise ValueError(f"{title}: faces: expected integers, received {raw.dtype}; faces number rows of vertices.")
     if raw.min() < 0 or raw.max() >= num_vertices:
         face = int(np.argwhere((raw < 0) | (raw >= num_vertices))[0, 0])
         raise ValueError(
-            f"{name}: faces: expected vertex numbers 0 to {num_vertices - 1}, received {raw[face].tolist()} in "
+            f"{title}: faces: expected vertex numbers 0 to {num_vertices - 1}, received {raw[face].tolist()} in "
             f"face {face}; vertices are counted from 0."
         )
     array = raw.astype(np.int64)

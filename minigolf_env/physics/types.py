@@ -14,6 +14,8 @@ from typing import NamedTuple, TypeAlias, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from minigolf_env._validation import quote
+
 FloatArray: TypeAlias = NDArray[np.float64]
 RecordArray: TypeAlias = NDArray[np.void]
 
@@ -76,10 +78,13 @@ class Surface:
             if ratio is None and name != "damping":
                 continue
             if not (_is_number(ratio) and 0.0 <= ratio <= 1.0):
-                raise ValueError(f"Surface {name}: expected a number in [0, 1], received {ratio!r}; 1 keeps all speed.")
+                raise ValueError(
+                    f"Surface {name}: expected a number in [0, 1], received {quote(ratio)}; 1 keeps all speed."
+                )
         if not (_is_number(self.rolling) and math.isfinite(self.rolling) and self.rolling >= 0.0):
             raise ValueError(
-                f"Surface rolling: expected a finite number >= 0, received {self.rolling!r}; 0 rolls without braking."
+                f"Surface rolling: expected a finite number >= 0, received {quote(self.rolling)}; 0 rolls without "
+                "braking."
             )
 
     @property

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from minigolf_env._validation import finite_array, one_of, positive_number
+from minigolf_env._validation import finite_array, one_of, positive_number, quote
 from minigolf_env.physics import step as kernels
 from minigolf_env.physics.batch import (
     NO_LOG,
@@ -260,13 +260,13 @@ class World:
             elif (winding > 0.5).any():
                 ball = balls[(winding > 0.5).argmax()].tolist()
                 raise ValueError(
-                    f"position: expected a ball in free space, received {ball}, which is inside {mesh.name!r}; "
+                    f"position: expected a ball in free space, received {ball}, which is inside {quote(mesh.name)}; "
                     "move it out of the solid."
                 )
         if rooms and is_outside.any():
             ball = balls[is_outside.argmax()].tolist()
             raise ValueError(
-                f"position: expected a ball in the room, received {ball}: it is outside {rooms[0]!r}; move it in."
+                f"position: expected a ball in the room, received {ball}: it is outside {quote(rooms[0])}; move it in."
             )
         return p
 
@@ -278,7 +278,9 @@ class World:
         """
         limit = positive_number(max_time, "max_time", "give the longest time to simulate in seconds.")
         if limit > MAX_STEPS * self.dt:
-            raise ValueError(f"max_time: expected {MAX_STEPS * self.dt:g} s at most, received {max_time!r}; give less.")
+            raise ValueError(
+                f"max_time: expected {MAX_STEPS * self.dt:g} s at most, received {quote(max_time)}; give less."
+            )
         return max(1, math.ceil(limit / self.dt - STEP_COUNT_TOLERANCE))
 
 
@@ -344,8 +346,8 @@ def _check_radius_resolvable(radius: float, scale: float, what: str) -> None:
     min_radius = 4.0 * RELATIVE_TOLERANCE * scale
     if radius <= min_radius:
         raise ValueError(
-            f"{what}: expected more than {min_radius:g} m among coordinates up to {scale:g} m, received {radius!r}; "
-            "float64 cannot tell such a ball from a point."
+            f"{what}: expected more than {min_radius:g} m among coordinates up to {scale:g} m, received "
+            f"{quote(radius)}; float64 cannot tell such a ball from a point."
         )
 
 

@@ -25,6 +25,7 @@ from typing import IO, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from minigolf_env._validation import quote, quote_error
 from minigolf_env.players.mlp import MLP, Layer
 from minigolf_env.players.mlp_policy import MLPPolicy
 from minigolf_env.players.putt_value_model import PuttValueModel
@@ -99,7 +100,7 @@ def load_model(path: str | Path) -> Model:
     except (FileNotFoundError, PermissionError):
         raise
     except READ_ERRORS as error:
-        raise ValueError(f"model: {path} contains no model that can be played: {error}") from error
+        raise ValueError(f"model: {path} contains no model that can be played: {quote_error(error)}") from error
 
 
 def _load_npz(path: Path) -> Model:
@@ -215,7 +216,7 @@ def _check_pickle(content: bytes) -> None:
     for opcode, argument, _ in pickletools.genops(content):
         is_allowed = isinstance(argument, str) and ALLOWED_GLOBALS.fullmatch(argument)
         if opcode.name in NAMING_OPCODES and not is_allowed:
-            raise ValueError(f"expected tensors alone, received {str(argument)!r:.80}.")
+            raise ValueError(f"expected tensors alone, received {quote(str(argument))}.")
 
 
 def _check_entries(archive: zipfile.ZipFile) -> dict[str, zipfile.ZipInfo]:

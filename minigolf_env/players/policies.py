@@ -11,7 +11,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from minigolf_env._validation import one_of
+from minigolf_env._validation import one_of, quote
 from minigolf_env.courses import ROUND_COURSE, ROUND_HOLES
 from minigolf_env.courses.procedural import PROCEDURAL_COURSE
 from minigolf_env.envs import MiniGolfEnv
@@ -146,7 +146,7 @@ class SB3Policy:
         if space is not None and sorted(space.shape) != sorted(expected or ()):
             raise ValueError(
                 f"observation: expected the one that the model was trained with, of shape {space.shape}, received "
-                f"{observation!r} of shape {expected}."
+                f"{quote(observation)} of shape {expected}."
             )
         self._model = model
 
@@ -166,8 +166,8 @@ def warn_if_untrained(policy: Policy, course: str) -> None:
         return
     if policy.observation == "state" or not courses & {PROCEDURAL_COURSE, ROUND_COURSE}:
         warnings.warn(
-            f"the model was trained on {', '.join(sorted(courses))}, not on {course!r:.80}: expect it to putt as if it "
-            'were there; train one for this course, or one that observes "rays" on course="procedural".',
+            f"the model was trained on {', '.join(sorted(courses))}, not on {quote(course)}: expect it to putt as if "
+            'it were there; train one for this course, or one that observes "rays" on course="procedural".',
             UserWarning,
             stacklevel=3,
         )

@@ -9,6 +9,8 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from minigolf_env._validation import quote
+
 Image = NDArray[np.uint8]
 """An array (height, width, 3) of RGB values, the first row at the top."""
 
@@ -20,7 +22,7 @@ def check_size(size: tuple[int, int], name: str) -> tuple[int, int]:
     except (TypeError, ValueError):
         width = height = 0
     if width < 1 or height < 1:
-        raise ValueError(f"{name}: expected width and height in pixels, at least 1, received {size!r}.")
+        raise ValueError(f"{name}: expected width and height in pixels, at least 1, received {quote(size)}.")
     return width, height
 
 

@@ -13,7 +13,7 @@ from typing import Any, SupportsFloat
 import gymnasium as gym
 
 from minigolf_env._atomic_io import check_output_folder
-from minigolf_env._validation import integer
+from minigolf_env._validation import integer, quote
 from minigolf_env.envs import MiniGolfEnv
 from minigolf_env.envs.minigolf import Action, Observation
 from minigolf_env.rendering import Image
@@ -206,7 +206,7 @@ def _require_file_name(name: str, what: str) -> None:
     """Raise a ValueError unless a name is the beginning of a file's name, without folders."""
     if Path(str(name)).name != name or "\0" in name:
         raise ValueError(
-            f"{what}: expected the beginning of a file's name, without folders, received {name!r:.80}; "
+            f"{what}: expected the beginning of a file's name, without folders, received {quote(name)}; "
             "video_folder is the folder of the videos."
         )
 
@@ -216,12 +216,12 @@ def _require_minigolf(env: gym.Env[Observation, Action]) -> MiniGolfEnv:
     base_env = env.unwrapped
     if not isinstance(base_env, MiniGolfEnv):
         raise ValueError(
-            f"env: expected MiniGolf-v0, possibly wrapped, received {base_env}; "
+            f"env: expected MiniGolf-v0, possibly wrapped, received {quote(base_env)}; "
             "gymnasium.wrappers.RecordVideo records other environments."
         )
     if base_env.render_mode not in RECORDABLE_MODES:
         raise ValueError(
             f"env: expected a render_mode that returns images, one of {RECORDABLE_MODES}, "
-            f"received {base_env.render_mode!r}; make the environment with render_mode='rgb_array'."
+            f"received {quote(base_env.render_mode)}; make the environment with render_mode='rgb_array'."
         )
     return base_env

@@ -154,6 +154,14 @@ FAULTY = {
     "long headers": HEAD + "".join("[" + ".".join(f"a{k}_{n}" for n in range(99)) + "]\n" for k in range(2000)) + LANE,
     "dotted keys": HEAD + "".join(f"a{k}.b.c = 1\n" for k in range(60_000)) + LANE,
     "long key": HEAD + "k" * 1_000_000 + " = 1\n" + LANE,
+    "long key twice": HEAD + ("k" * 200_000 + " = 1\n") * 2 + LANE,
+    "long names": HEAD
+    + "".join(f'[surfaces."{"s" * 50_000}{k}"]\ndamping = "{"d" * 50_000}"\n' for k in range(6))
+    + LANE,
+    "long kind": HEAD + '[[parts]]\nkind = "' + "k" * 200_000 + '"\n',
+    "kind that is a list": HEAD + "[[parts]]\nkind = [" + '"k",' * 50_000 + "]\n",
+    "long integer": HEAD + "par = true\ntop_speed = 0x" + "f" * 100_000 + "\n" + LANE,
+    "long mesh file": HEAD + '[[parts]]\nkind = "mesh"\nfile = "' + "m" * 200_000 + '.obj"\n',
 }
 
 
@@ -171,7 +179,7 @@ def test_cost_of_many_faults_is_in_proportion_to_the_file(name: str) -> None:
     sys.setprofile(count)
     try:
         with pytest.raises(CourseError) as error:
-            build_course(parse_description(text))
+            build_course(parse_description(text), DATA_DIR)
     finally:
         sys.setprofile(None)
     _, peak = tracemalloc.get_traced_memory()
@@ -179,3 +187,25 @@ def test_cost_of_many_faults_is_in_proportion_to_the_file(name: str) -> None:
     assert len(str(error.value)) < 2000
     assert peak < 150 * len(text) + 5e6
     assert num_calls < 20 * len(text) + 1e5
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["x" * 1_000_000, "x" * 5000 + ".toml", "x\0.toml", ["x"] * 100_000, {"x": 1}, 10**5000, None, b"dogleg"],
+    ids=["long name", "long path", "zero byte", "list", "dict", "integer", "none", "bytes"],
+)
+def test_course_name_of_any_length_and_type_is_refused_briefly(name: object) -> None:
+    """The message shows the beginning of what was received."""
+    with pytest.raises(CourseError, match=r"^course: expected .*, received ") as error:
+        load_course(name)  # type: ignore[arg-type]
+    assert len(str(error.value)) < 500
+
+
+def test_control_characters_in_file_names_are_escaped(tmp_path: Path) -> None:
+    """The name of a course file may contain control codes of a terminal."""
+    for suffix, content in ((".toml", "par = 0"), (".toml", "par ="), (".glb", "")):
+        path = tmp_path / f"a\x1b[31m{suffix}"
+        path.write_text(content)
+        with pytest.raises(CourseError, match=r"^'a\\x1b\[31m\.") as error:
+            load_course(path)
+        assert "\x1b" not in str(error.value)

@@ -9,7 +9,7 @@ from typing import Any
 
 from platformdirs import user_data_path
 
-from minigolf_env._validation import one_of
+from minigolf_env._validation import one_of, quote
 from minigolf_env.apps.play.golf_round import GolfRound
 from minigolf_env.apps.play.scores import BestScores
 from minigolf_env.apps.play.throw_mode import ThrowMode
@@ -49,7 +49,9 @@ def run(
     settings = RenderSettings("human", size, profile=one_of(profile, RENDER_PROFILES, "profile"))
     first = load_course(ROUND_HOLES[0] if course == ROUND_COURSE else course)
     if opponent is not None and first.cup is None:
-        raise ValueError(f"opponent: expected none on {first.name!r}, which has no cup, received {opponent!r}.")
+        raise ValueError(
+            f"opponent: expected none on {quote(first.name)}, which has no cup, received {quote(opponent)}."
+        )
     policy = None if opponent is None else load_policy(opponent)
     from minigolf_env.rendering.window import Window
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from minigolf_env._atomic_io import write_text
+from minigolf_env._validation import quote, quote_error
 
 SCORES_FILE_VERSION = 1
 """Version of the file format of best scores."""
@@ -137,13 +138,14 @@ class BestScores:
 
     def _set_aside(self, error: Exception) -> dict[str, int]:
         """Rename a damaged file, warn, and return no scores."""
+        reason = quote_error(error)
         aside = self._path.with_name(self._path.name + ".damaged")
         try:
             self._path.replace(aside)
         except OSError:
-            self._warn(f"the best scores in {self._path} cannot be read ({error}); continuing without them.")
+            self._warn(f"the best scores in {self._path} cannot be read ({reason}); continuing without them.")
         else:
-            self._warn(f"the best scores in {self._path} are damaged ({error}); the file was renamed to {aside.name}.")
+            self._warn(f"the best scores in {self._path} are damaged ({reason}); the file was renamed to {aside.name}.")
         return {}
 
     def _write(self) -> None:
@@ -167,10 +169,10 @@ def _check_scores(data: object) -> dict[str, int]:
     """
     best = data.get("best") if isinstance(data, dict) and data.get("version") == SCORES_FILE_VERSION else None
     if not isinstance(best, dict):
-        raise ValueError(f"expected version {SCORES_FILE_VERSION} and best scores, received {data!r:.60}")
+        raise ValueError(f"expected version {SCORES_FILE_VERSION} and best scores, received {quote(data)}")
     for hole, strokes in best.items():
         if type(strokes) is not int or strokes < 1:
-            raise ValueError(f"{hole}: expected strokes >= 1, received {strokes!r:.60}")
+            raise ValueError(f"{hole}: expected strokes >= 1, received {quote(strokes)}")
     return best
 
 

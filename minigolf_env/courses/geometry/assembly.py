@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 from trimesh import Trimesh
 
-from minigolf_env._validation import one_of
+from minigolf_env._validation import one_of, quote, quote_error
 from minigolf_env.courses.course import Color, Course, CourseError, Cup, Material, Part, Point3, Tee, course_errors
 from minigolf_env.courses.geometry.cup import build_cup_liner
 from minigolf_env.courses.geometry.ground import snap_to_ground
@@ -64,7 +64,8 @@ def assemble_course(
         raise
     except Exception as error:  # Geometry libraries raise errors of many kinds on degenerate outlines.
         raise CourseError(
-            f"course {file.name!r}: its geometry cannot be built: {type(error).__name__}: {error}; "
+            f"course {quote(file.name)}: its geometry cannot be built: {type(error).__name__}: "
+            f"{quote_error(error)}; "
             "simplify its outlines and meshes, and make sure that each has an area or a volume."
         ) from error
 
@@ -73,16 +74,18 @@ def _replace_cup_radius(file: CourseFile, cup_radius: float | None) -> CourseFil
     if cup_radius is None:
         return file
     if file.cup is None:
-        raise CourseError(f"cup_radius: expected None for {file.name!r}, which has no cup, received {cup_radius!r}.")
+        raise CourseError(
+            f"cup_radius: expected None for {quote(file.name)}, which has no cup, received {quote(cup_radius)}."
+        )
     if file.cup.cut and cup_radius != file.cup.radius:
         raise CourseError(
-            f"cup_radius: expected None for {file.name!r}, whose cup is already cut, received {cup_radius!r}."
+            f"cup_radius: expected None for {quote(file.name)}, whose cup is already cut, received {quote(cup_radius)}."
         )
     return file.model_copy(update={"cup": file.cup.model_copy(update={"radius": cup_radius})})
 
 
 def _assemble(file: CourseFile, load_mesh: Callable[[str], Trimesh], limits: Limits) -> Course:
-    with course_errors(f"course {file.name!r}"):
+    with course_errors(f"course {quote(file.name)}"):
         cup = _build_cup(file)
         tee = _build_tee(file.tee)
         context = PartContext(None, tuple(_find_obstacles(file)), limits, load_mesh, {})
@@ -136,7 +139,7 @@ def _snap_cup(file: CourseFile, cup: Cup, context: PartContext) -> Cup:
     """Return the cup with its rim exactly on the level of the floor that it is cut into."""
     levels = []
     for number, record in enumerate(file.parts):
-        with course_errors(f"part {_part_name(file, number)!r}", "parts", number):
+        with course_errors(f"part {quote(_part_name(file, number))}", "parts", number):
             levels.append(cup_level(record, cup, context))
     x, y, rim = cup.position
     return dataclasses.replace(cup, position=(x, y, max((z for z in levels if z is not None), default=rim)))
@@ -169,7 +172,7 @@ def _build_parts(file: CourseFile, cup: Cup | None, context: PartContext) -> Ite
     triangles = 0
     for number, record in enumerate(file.parts):
         name = _part_name(file, number)
-        with course_errors(f"part {name!r}", "parts", number):
+        with course_errors(f"part {quote(name)}", "parts", number):
             for solid in build_part_solids(record, context):
                 triangles += len(solid.mesh.faces)
                 context.limits.check_triangles(triangles)

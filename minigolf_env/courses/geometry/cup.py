@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from shapely import Point
 from trimesh import Trimesh
 
+from minigolf_env._validation import quote
 from minigolf_env.courses.course import CUP_LINER_THICKNESS, CourseError, Cup
 from minigolf_env.courses.geometry.ground import LEVEL_TOLERANCE, MIN_UPWARD_NORMAL
 from minigolf_env.courses.geometry.solids import (
@@ -46,7 +47,7 @@ def cup_outline(clear: ShapelyPolygon, cup: Cup) -> ShapelyPolygon:
             "move the cup, or join the pieces."
         )
     raise CourseError(
-        f"cup radius: expected less than {max_radius:.3f} m, received {cup.radius!r}; "
+        f"cup radius: expected less than {max_radius:.3f} m, received {quote(cup.radius)}; "
         "a wider cup would cut into a border or an obstacle."
     )
 

@@ -8,6 +8,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from minigolf_env._validation import quote
 from minigolf_env.courses.course import CourseError
 
 AREA_TOLERANCE = 1e-6
@@ -37,8 +38,8 @@ def triangulate_polygons(
             if triangles is None:
                 where = f"line {lines[number]}" if lines is not None else f"face {number}"
                 raise CourseError(
-                    f"{where}: expected a polygon whose edges do not cross, received corners {corners.tolist()!r:.80}; "
-                    "triangulate the mesh before you export it."
+                    f"{where}: expected a polygon whose edges do not cross, received corners "
+                    f"{quote(corners.tolist())}; triangulate the mesh before you export it."
                 )
             faces.append(corners[triangles])
         else:

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 from shapely import Polygon
 from trimesh import Trimesh
 
+from minigolf_env._validation import quote
 from minigolf_env.courses.course import CourseError
 
 ShapelyPolygon: TypeAlias = Any
@@ -65,7 +66,9 @@ def sweep_along_line(profile: ShapelyPolygon, start: ArrayLike, end: ArrayLike) 
     length = float(np.linalg.norm(delta))
     horizontal_length = float(np.hypot(*delta[:2]))
     if not horizontal_length > 1e-6:
-        raise CourseError(f"expected a line that is not upright, received {start!r} to {end!r}; move its end.")
+        raise CourseError(
+            f"expected a line that is not upright, received {quote(start)} to {quote(end)}; move its end."
+        )
     left = np.array([-delta[1], delta[0], 0.0]) / horizontal_length
     forward = delta / length
     transform = np.eye(4)

@@ -21,7 +21,7 @@ from typing import Any, TypeAlias
 from pydantic import ValidationError
 from trimesh import Trimesh
 
-from minigolf_env._validation import one_of
+from minigolf_env._validation import one_of, quote, quote_error, quote_unless_plain
 from minigolf_env.courses.course import DEFAULT_PAR, Course, CourseError, course_errors
 from minigolf_env.courses.geometry.assembly import assemble_course
 from minigolf_env.courses.io.course_description import describe_course, hex_color
@@ -64,7 +64,7 @@ def read_glb(path: Path, cup_radius: float | None = None, limits: Limits | None 
     """
     limits = limits or Limits()
     try:
-        limits.check_bytes(f"course file {path.name!r}", path.stat().st_size)
+        limits.check_bytes(f"course file {quote(path.name)}", path.stat().st_size)
         objects, extras = read_scene(path.read_bytes(), limits)
         description, owners = _describe_objects(path.stem, objects, extras)
         file = _validate(description, owners)
@@ -75,9 +75,11 @@ def read_glb(path: Path, cup_radius: float | None = None, limits: Limits | None 
         }
         return _assemble(file, meshes, owners, cup_radius, limits)
     except OSError as error:
-        raise CourseError(f"course file: expected a readable .glb file, received {str(path)!r}: {error}") from error
+        raise CourseError(
+            f"course file: expected a readable .glb file, received {quote(str(path))}: {quote_error(error)}"
+        ) from error
     except CourseError as error:
-        raise CourseError(f"{path.name}: {error}") from error
+        raise CourseError(f"{quote_unless_plain(path.name)}: {error}") from error
 
 
 def _validate(description: dict[str, Any], owners: dict[Location, str]) -> CourseFile:
@@ -113,9 +115,9 @@ def _assemble(
         owner = _owner_of(error.location, owners)
         if owner is None:
             raise
-        fault = str(error).removeprefix(f"course {file.name!r}: ")
+        fault = str(error).removeprefix(f"course {quote(file.name)}: ")
         if error.location[0] == "parts":
-            fault = fault.removeprefix(f"part {file.parts[int(error.location[1])].name!r}: ")
+            fault = fault.removeprefix(f"part {quote(file.parts[int(error.location[1])].name)}: ")
         raise CourseError(f"{owner}: {fault}") from error
 
 
@@ -167,7 +169,7 @@ def _find_tee_and_cup(objects: list[SceneObject]) -> tuple[SceneObject, SceneObj
     if len(tees) != 1 or len(cups) > 1:
         raise CourseError(
             "expected one object named 'tee', and one empty named 'cup' at the middle of the rim, "
-            f"received {len(tees)} and {len(cups)}, objects {[item.name for item in objects]!r:.200}; name them so."
+            f"received {len(tees)} and {len(cups)}, objects {quote([item.name for item in objects])}; name them so."
         )
     for item in (*tees, *cups):
         if item.is_animated:
@@ -205,7 +207,7 @@ def _describe_part(item: SceneObject, number: int) -> tuple[dict[str, Any], dict
     own = {key: given.pop(key) for key in PHYSICS_KEYS if key in given}
     if own and "surface" in given:
         raise ValueError(
-            f"surface: expected none with {', '.join(own)}, received {given['surface']!r:.60}; remove one of them."
+            f"surface: expected none with {', '.join(own)}, received {quote(given['surface'])}; remove one of them."
         )
     lower_name = item.name.lower()
     if own:

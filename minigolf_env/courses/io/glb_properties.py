@@ -10,6 +10,8 @@ import itertools
 from collections.abc import Iterable
 from typing import Any
 
+from minigolf_env._validation import quote
+
 PHYSICS_KEYS = ("damping", "restitution", "tangential", "rolling", "stimp")
 """Properties of a part that describe its surface, instead of ``surface``."""
 
@@ -63,10 +65,10 @@ def check_properties(owner: str, keys: Iterable[str], allowed: tuple[str, ...] =
             continue
         if key in KNOWN_KEYS:
             others = " or ".join(other for other, its_keys in OWNERS.items() if key in its_keys)
-            raise ValueError(f"property {key!r} has no effect on {owner}, only on {others}; move or rename it.")
+            raise ValueError(f"property {quote(key)} has no effect on {owner}, only on {others}; move or rename it.")
         meant = find_meant_key(key)
         if meant is not None:
-            raise ValueError(f"unknown property {key!r}; did you mean {meant!r}? Rename it.")
+            raise ValueError(f"unknown property {quote(key)}; did you mean {quote(meant)}? Rename it.")
 
 
 def find_meant_key(key: str) -> str | None:
@@ -106,7 +108,7 @@ def read_property(key: str, value: Any) -> Any:
     if key in BOOLEAN_KEYS:
         if isinstance(value, (bool, int, float)) and value in (0, 1):
             return bool(value)
-        raise ValueError(f"{key}: expected true or false, or 1 or 0, received {value!r:.60}; set one of them.")
+        raise ValueError(f"{key}: expected true or false, or 1 or 0, received {quote(value)}; set one of them.")
     length = ROW_LENGTHS.get(key)
     if length and isinstance(value, list) and value and len(value) % length == 0 and not isinstance(value[0], list):
         return [value[k : k + length] for k in range(0, len(value), length)]

@@ -12,6 +12,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from minigolf_env._validation import quote
 from minigolf_env.courses.schema.limits import Limits
 
 JsonObject: TypeAlias = dict[str, Any]
@@ -58,7 +59,7 @@ def element_of(data: JsonObject, kind: str, number: Any) -> JsonObject:
     """Return an element of one of the file's lists, such as ``kind`` "nodes"; Python's negative indices are none."""
     elements = data.get(kind, ())
     if type(number) is not int or not 0 <= number < len(elements):
-        raise ValueError(f"{kind}[{number!r:.40}] does not exist; the file has {len(elements)} {kind}")
+        raise ValueError(f"{kind}[{quote(number)}] does not exist; the file has {len(elements)} {kind}")
     element = elements[number]
     if not isinstance(element, dict):
         raise ValueError(f"{kind}[{number}] is not a JSON object")
@@ -101,7 +102,7 @@ def _read_rows(
             f"accessor {number} refers to another file or to compressed data; export one .glb without compression"
         )
     if dtype is None:
-        raise ValueError(f"accessor {number} has a wrong component type, {accessor['componentType']!r:.40}")
+        raise ValueError(f"accessor {number} has a wrong component type, {quote(accessor['componentType'])}")
     # Check that the array lies within its view, and the view within the file.
     start = view.get("byteOffset", 0)
     length = view["byteLength"]

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from minigolf_env._validation import quote
 from minigolf_env.courses.io.gltf_buffers import JsonObject, element_of
 
 VISIBILITY_EXTENSION = "KHR_node_visibility"
@@ -63,10 +64,10 @@ def check_requirements(data: JsonObject) -> None:
     """Raise a ValueError if the file requires an extension or a version that the reader lacks (glTF 2.0, 3.2, 3.12)."""
     version = data.get("asset", {}).get("minVersion", "2.0")
     if version != "2.0":
-        raise ValueError(f"it requires glTF {version!r:.20}, which is not read")
+        raise ValueError(f"it requires glTF {quote(version)}, which is not read")
     for name in data.get("extensionsRequired", ()):
         if name not in (*APPLIED_EXTENSIONS, *REFUSED_EXTENSIONS) and not str(name).startswith(APPEARANCE_EXTENSIONS):
-            raise ValueError(f"it requires the extension {name!r:.60}, which is not read")
+            raise ValueError(f"it requires the extension {quote(name)}, which is not read")
 
 
 def is_hidden(node: JsonObject) -> bool:
@@ -74,7 +75,7 @@ def is_hidden(node: JsonObject) -> bool:
     is_visible = node.get("extensions", {}).get(VISIBILITY_EXTENSION, {}).get("visible", True)
     if not isinstance(is_visible, bool):
         raise ValueError(
-            f"{VISIBILITY_EXTENSION}: expected true or false, received {is_visible!r:.40}; show or hide it"
+            f"{VISIBILITY_EXTENSION}: expected true or false, received {quote(is_visible)}; show or hide it"
         )
     return not is_visible
 
@@ -90,7 +91,7 @@ def animated_targets(data: JsonObject) -> set[tuple[str, int]]:
                 targets.add(("nodes", target["node"]))
             for name, extension in target.get("extensions", {}).items():
                 if name != POINTER_EXTENSION:
-                    raise ValueError(f"an animation uses the extension {name!r:.60}; remove the animation")
+                    raise ValueError(f"an animation uses the extension {quote(name)}; remove the animation")
                 targets |= _pointer_targets(extension["pointer"])
     return targets
 
@@ -102,7 +103,7 @@ def _pointer_targets(pointer: str) -> set[tuple[str, int]]:
         shown = {("visibility", int(key))} if VISIBILITY_EXTENSION in path else set()
         return {(kind, int(key))} | shown
     if kind not in APPEARANCE_LISTS and not (kind == "extensions" and key.startswith(APPEARANCE_EXTENSIONS)):
-        raise ValueError(f"an animation changes {pointer!r:.60}; remove the animation")
+        raise ValueError(f"an animation changes {quote(pointer)}; remove the animation")
     return set()
 
 
@@ -134,4 +135,4 @@ def _check_extensions(owner: JsonObject) -> None:
     for name in owner.get("extensions", {}):
         is_known = name in (*APPLIED_EXTENSIONS, *COMPRESSION_EXTENSIONS) or name.startswith(APPEARANCE_EXTENSIONS)
         if not is_known:
-            raise ValueError(f"it uses the extension {name!r:.60}, which may move or change it; export it without")
+            raise ValueError(f"it uses the extension {quote(name)}, which may move or change it; export it without")

@@ -20,6 +20,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from minigolf_env._validation import quote
 from minigolf_env.courses.course import CourseError
 from minigolf_env.courses.io.gltf_buffers import (
     REPAIR_HINT,
@@ -109,7 +110,7 @@ def read_scene(content: bytes, limits: Limits) -> tuple[list[SceneObject], JsonO
 
 def title_of(name: str) -> str:
     """Return how messages name an object: as Blender shows it, whose names are at most 63 bytes long."""
-    return f"object {name!r:.80}"
+    return f"object {quote(name)}"
 
 
 @contextmanager

@@ -6,6 +6,7 @@ from pathlib import Path, PurePosixPath, PureWindowsPath
 
 from trimesh import Trimesh
 
+from minigolf_env._validation import quote, quote_error
 from minigolf_env.courses.course import CourseError
 from minigolf_env.courses.geometry.solids import join_meshes
 from minigolf_env.courses.io.gltf_scene import read_scene
@@ -28,20 +29,25 @@ def resolve_mesh_path(name: str, folder: Path | None, limits: Limits) -> Path:
     parts = (PurePosixPath(name), PureWindowsPath(name))
     if folder is None or any(path.is_absolute() or path.drive or ".." in path.parts for path in parts):
         raise CourseError(
-            f"file: expected a path below the course file's folder, received {name!r}; "
+            f"file: expected a path below the course file's folder, received {quote(name)}; "
             "put the mesh next to the course file."
         )
     try:
         path = (folder / name).resolve()
-    except (OSError, RuntimeError, ValueError) as error:  # A loop of symbolic links, a zero byte.
-        raise CourseError(f"file: expected a file in the course's folder, received {name!r:.80}: {error}.") from error
+        is_file = path.is_file()
+    except (OSError, RuntimeError, ValueError) as error:  # A name that is too long, a loop of links, a zero byte.
+        raise CourseError(
+            f"file: expected a file in the course's folder, received {quote(name)}: {quote_error(error)}."
+        ) from error
     if not path.is_relative_to(folder.resolve()):
-        raise CourseError(f"file: expected a file in the course's folder, received a link out of it: {name!r}.")
+        raise CourseError(f"file: expected a file in the course's folder, received a link out of it: {quote(name)}.")
     if path.suffix.lower() not in MESH_FILE_SUFFIXES:
-        raise CourseError(f"file: expected one of {', '.join(MESH_FILE_SUFFIXES)}, received {name!r}; convert it.")
-    if not path.is_file():
-        raise CourseError(f"file: expected a file in the course's folder, received {name!r}, which does not exist.")
-    limits.check_bytes(f"file {name!r}", path.stat().st_size)
+        raise CourseError(f"file: expected one of {', '.join(MESH_FILE_SUFFIXES)}, received {quote(name)}; convert it.")
+    if not is_file:
+        raise CourseError(
+            f"file: expected a file in the course's folder, received {quote(name)}, which does not exist."
+        )
+    limits.check_bytes(f"file {quote(name)}", path.stat().st_size)
     return path
 
 
@@ -53,9 +59,12 @@ def read_mesh(name: str, folder: Path | None, limits: Limits) -> Trimesh:
     """
     path = resolve_mesh_path(name, folder, limits)
     suffix = path.suffix.lower()
-    content = path.read_bytes()
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise CourseError(f"file: expected a readable file, received {quote(name)}: {quote_error(error)}.") from error
     if suffix not in (".stl", ".glb"):
-        limits.check_bytes(f"file {name!r}", len(content), text=True)
+        limits.check_bytes(f"file {quote(name)}", len(content), text=True)
     try:
         if suffix == ".glb":
             objects, _ = read_scene(content, limits)
@@ -65,8 +74,10 @@ def read_mesh(name: str, folder: Path | None, limits: Limits) -> Trimesh:
             return join_meshes(meshes)
         vertices, faces = READERS[suffix](content, limits)
     except CourseError as error:
-        raise CourseError(f"file {name!r}: {error}") from error
+        raise CourseError(f"file {quote(name)}: {error}") from error
     if not len(faces):
-        raise CourseError(f"file: expected triangles, received {name!r} without any; export the mesh, not its outline.")
+        raise CourseError(
+            f"file: expected triangles, received {quote(name)} without any; export the mesh, not its outline."
+        )
     limits.check_triangles(len(faces))
     return Trimesh(vertices, faces)

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from minigolf_env._validation import quote, quote_error
 from minigolf_env.courses.course import CourseError
 from minigolf_env.courses.geometry.polygons import triangulate_polygons
 from minigolf_env.courses.schema.limits import Limits
@@ -70,10 +71,12 @@ def read_obj(content: bytes, limits: Limits) -> Triangles:
             indices = [int(word.split("/", 1)[0]) for word in words[1:]]
         except ValueError as error:
             raise CourseError(
-                f"line {number}: expected x, y, z or the numbers of vertices, received {line!r:.60}."
+                f"line {number}: expected x, y, z or the numbers of vertices, received {quote(line)}."
             ) from error
         if len(indices) < 3 or 0 in indices:
-            raise CourseError(f"line {number}: expected three or more vertices, counted from 1, received {line!r:.60}.")
+            raise CourseError(
+                f"line {number}: expected three or more vertices, counted from 1, received {quote(line)}."
+            )
         num_corners += len(indices) - 2
         limits.check_triangles(num_corners)
         polygons.append([index - 1 if index > 0 else len(vertices) + index for index in indices])
@@ -137,7 +140,7 @@ def read_stl(content: bytes, limits: Limits) -> Triangles:
             corners = np.array([[float(word) for word in row] for row in rows]).reshape(-1, 3)
         except ValueError as error:
             raise CourseError(
-                f"expected numbers after 'vertex' in a text .stl file, received others: {error}."
+                f"expected numbers after 'vertex' in a text .stl file, received others: {quote_error(error)}."
             ) from error
     vertices = _finite(corners.astype(np.float64))
     return vertices, np.arange(len(vertices)).reshape(-1, 3)
@@ -171,7 +174,7 @@ def read_ply(content: bytes, limits: Limits) -> Triangles:
         are_whole = all(index % 1 == 0 for index in polygon)
         if len(polygon) < 3 or not are_whole or min(polygon) < 0 or max(polygon) >= len(vertices):
             raise CourseError(
-                f"face {number}: expected three or more of {len(vertices)} vertices, received {polygon!r:.60}."
+                f"face {number}: expected three or more of {len(vertices)} vertices, received {quote(polygon)}."
             )
     return vertices, triangulate_polygons(_finite(vertices), polygons)
 
@@ -202,7 +205,7 @@ def _read_ply_header(content: bytes) -> tuple[str, list[tuple[str, int, list[Pro
             elif words[:1] == ["property"]:
                 elements[-1][2].append((words[2], PLY_TYPES[words[1]], ""))
         except (LookupError, ValueError) as error:
-            raise CourseError(f"expected a line of a .ply header, received {line!r:.60}.") from error
+            raise CourseError(f"expected a line of a .ply header, received {quote(line)}.") from error
     if order is None or any(count < 0 for _, count, _ in elements):
         raise CourseError("expected a .ply header with a format and counts, received another.")
     return order, elements, match.end()

@@ -11,6 +11,7 @@ from typing import Any
 import tomli_w
 from pydantic import ValidationError
 
+from minigolf_env._validation import quote, quote_error, quote_unless_plain
 from minigolf_env.courses.course import Course, CourseError
 from minigolf_env.courses.geometry.assembly import assemble_course
 from minigolf_env.courses.io.course_description import describe_course
@@ -41,15 +42,17 @@ def read_description(path: Path, limits: Limits | None = None) -> CourseFile:
     """
     limits = limits or Limits()
     try:
-        limits.check_bytes(f"course file {path.name!r}", path.stat().st_size, text=True)
+        limits.check_bytes(f"course file {quote(path.name)}", path.stat().st_size, text=True)
         text = path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as error:
         raise CourseError(
-            f"course file: expected a TOML file in UTF-8, received {str(path)!r}: {error}; save it as UTF-8."
+            f"course file: expected a TOML file in UTF-8, received {quote(str(path))}: {error}; save it as UTF-8."
         ) from error
     except OSError as error:
-        raise CourseError(f"course file: expected a readable TOML file, received {str(path)!r}: {error}") from error
-    return parse_description(text, path.name)
+        raise CourseError(
+            f"course file: expected a readable TOML file, received {quote(str(path))}: {error}"
+        ) from error
+    return parse_description(text, quote_unless_plain(path.name))
 
 
 def parse_description(text: str, name: str = "course file") -> CourseFile:
@@ -62,7 +65,7 @@ def parse_description(text: str, name: str = "course file") -> CourseFile:
         _check_key_lengths(text)
         data = tomllib.loads(text)
     except (ValueError, RecursionError) as error:
-        raise CourseError(f"{name}: expected TOML, received text that is not: {error}") from error
+        raise CourseError(f"{name}: expected TOML, received text that is not: {quote_error(error)}") from error
     return validate_description(data, name, text)
 
 
@@ -108,7 +111,7 @@ def build_course_of_file(
             raise
         line = find_line(error.location, path.read_text(encoding="utf-8-sig"))
         where = "" if line is None else f"line {line}: "
-        raise CourseError(f"{path.name}: {where}{error}") from error
+        raise CourseError(f"{quote_unless_plain(path.name)}: {where}{error}") from error
 
 
 def build_course(

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import re
-import reprlib
 from collections.abc import Callable
 from typing import Any
 
 from pydantic import ValidationError
 
-from minigolf_env._validation import one_of
+from minigolf_env._validation import quote, shorten, unknown_choice_message
 
 BARE_KEY = re.compile(r"[\w-]+")
 """Keys that messages show unquoted; other keys may hold any characters, also control codes of a terminal."""
@@ -47,12 +46,9 @@ def format_validation_error(fault: Any, text: str) -> str:
     message = message.replace("field required", "expected this key, received none; add it")
     if fault["type"] == "union_tag_invalid":
         known = re.findall(r"'(\w+)'", fault["ctx"]["expected_tags"])
-        try:
-            one_of(fault["ctx"]["tag"], known, "kind")
-        except ValueError as error:
-            message = str(error)
+        message = unknown_choice_message(fault["input"]["kind"], known, "kind")
     elif fault["type"] not in ("missing", "unknown_key"):
-        message += f", received {reprlib.repr(fault['input'])}"
+        message += f", received {quote(fault['input'])}"
     return f"{f'line {line}: ' if line else ''}{f'{path}: ' if path else ''}{message}"
 
 
@@ -96,7 +92,7 @@ def _format_path(location: tuple[int | str, ...]) -> tuple[str, list[str]]:
             continue
         else:
             is_plain = len(step) <= MAX_SHOWN_KEY_LENGTH and BARE_KEY.fullmatch(step)
-            name = step if is_plain else f"{step!r:.{MAX_SHOWN_KEY_LENGTH}}"
+            name = step if is_plain else shorten(quote(step), MAX_SHOWN_KEY_LENGTH)
             path += f".{name}" if path else name
             keys.append(step)
     return path, keys

@@ -8,7 +8,7 @@ from __future__ import annotations
 import functools
 import re
 
-from minigolf_env._validation import one_of
+from minigolf_env._validation import one_of, quote
 from minigolf_env.courses.course import Course, CourseError, Cup
 from minigolf_env.courses.procedural.layout import DIFFICULTY_NAMES, GENERATOR_VERSION
 from minigolf_env.courses.procedural.level import build_level
@@ -57,8 +57,8 @@ def load_level(name: str, cup_radius: float | None = None) -> Course:
     match = LEVEL_NAME_PATTERN.fullmatch(name)
     if match is None or int(match[1]) != GENERATOR_VERSION:
         raise CourseError(
-            f"course: expected a level named like {level_name(DIFFICULTY_NAMES[0], 17)!r}, received {name!r}; "
-            f"this version makes levels v{GENERATOR_VERSION}."
+            f"course: expected a level named like {quote(level_name(DIFFICULTY_NAMES[0], 17))}, received "
+            f"{quote(name)}; this version makes levels v{GENERATOR_VERSION}."
         )
     try:
         difficulty = one_of(match[2], DIFFICULTY_NAMES, "difficulty")

@@ -8,6 +8,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from minigolf_env._validation import quote
 from minigolf_env.courses.course import (
     CUP_LINER_THICKNESS,
     EMBED_DEPTH,
@@ -98,7 +99,7 @@ def build_level(difficulty: str, level: int, cup_radius: float = Cup.radius) -> 
         CourseError: the ball does not fit into the cup, or the cup does not fit between the borders.
     """
     if cup_radius > MAX_CUP_RADIUS:
-        raise CourseError(f"cup radius: expected at most {MAX_CUP_RADIUS} m, received {cup_radius!r}; give less.")
+        raise CourseError(f"cup radius: expected at most {MAX_CUP_RADIUS} m, received {quote(cup_radius)}; give less.")
     rng = PortableRng(GENERATOR_VERSION, DIFFICULTY_NAMES.index(difficulty), level)
     layout = generate_layout(difficulty, rng)
     cup = Cup(layout.cup, cup_radius)

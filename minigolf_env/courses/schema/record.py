@@ -5,12 +5,12 @@ Lengths are in metres. Angles are in degrees, counter-clockwise seen from above,
 
 from __future__ import annotations
 
-import difflib
 from typing import Annotated, Any, TypeAlias
 
 from pydantic import BaseModel, ConfigDict, Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 from pydantic_core import PydanticCustomError
 
+from minigolf_env._validation import closest_choice, quote
 from minigolf_env.courses.schema.limits import MAX_COURSE_COORDINATE
 
 Number: TypeAlias = Annotated[
@@ -38,10 +38,10 @@ class Record(BaseModel):
         if isinstance(data, dict):
             for key in data:
                 if key not in cls.model_fields:
-                    close = difflib.get_close_matches(str(key), cls.model_fields, n=1)
-                    hint = f"did you mean {close[0]!r}?" if close else f"known are {', '.join(cls.model_fields)}."
+                    closest = closest_choice(key, cls.model_fields)
+                    hint = f"did you mean {quote(closest)}?" if closest else f"known are {', '.join(cls.model_fields)}."
                     raise PydanticCustomError(
-                        "unknown_key", "{message}", {"message": f"unknown key {key!r:.60}; {hint}"}
+                        "unknown_key", "{message}", {"message": f"unknown key {quote(key)}; {hint}"}
                     )
         return data
 

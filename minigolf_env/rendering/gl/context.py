@@ -15,6 +15,7 @@ from contextlib import AbstractContextManager, contextmanager
 from functools import partial
 from typing import Any, Protocol
 
+from minigolf_env._validation import quote
 from minigolf_env.rendering.errors import ContextLostError, RenderingError
 
 DEVICE_VARIABLE = "MINIGOLF_EGL_DEVICE"
@@ -115,10 +116,10 @@ class EGLContext:
             devices = _devices(egl)
             chosen = os.environ.get(DEVICE_VARIABLE)
             if chosen is not None:
-                if not chosen.isdigit() or int(chosen) >= len(devices):
+                if chosen not in map(str, range(len(devices))):
                     raise RenderingError(
-                        f"{DEVICE_VARIABLE}: expected a number below {len(devices)}, received {chosen!r}; unset it to "
-                        "take the first device that works."
+                        f"{DEVICE_VARIABLE}: expected a number below {len(devices)}, received {quote(chosen)}; "
+                        "unset it to take the first device that works."
                     )
                 yield f"device {chosen}", partial(_platform_display, PLATFORM_DEVICE, devices[int(chosen)])
                 return
@@ -165,7 +166,7 @@ def _load_egl() -> Any:
     wanted = os.environ.get(PLATFORM_VARIABLE, "egl")
     if wanted.lower() != "egl":
         raise RenderingError(
-            f"rendering: expected {PLATFORM_VARIABLE}=egl or none, received {wanted!r:.60}; unset it. EGL draws "
+            f"rendering: expected {PLATFORM_VARIABLE}=egl or none, received {quote(wanted)}; unset it. EGL draws "
             "without a screen and without a GPU, too."
         )
     try:
