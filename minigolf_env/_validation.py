@@ -84,6 +84,8 @@ def finite_array(
         ValueError: no real numbers, another shape, or a magnitude above ``max_number``.
     """
     try:
+        if isinstance(value, (list, tuple)) and _holds_texts(value):
+            raise TypeError("a text is no real number")
         given = np.asarray(value)
         if given.dtype.kind not in NUMERIC_KINDS:
             raise TypeError(f"{given.dtype} is no type of real numbers")
@@ -101,6 +103,12 @@ def finite_array(
             f"{what}: expected finite numbers up to {max_number:g}, received {array[index]} at index {index}; {hint}"
         )
     return array
+
+
+def _holds_texts(value: Sequence[Any]) -> bool:
+    """Return whether there are texts in a list: numpy would make each as wide as the longest, whatever that takes."""
+    types = set(map(type, np.asarray(value, dtype=object).ravel()))
+    return any(issubclass(found, (str, bytes)) for found in types)
 
 
 def _shape_text(shape: tuple[int | None, ...]) -> str:

@@ -34,7 +34,7 @@ HUGE_VALUES: dict[str, Any] = {
     "text": "x" * 1_000_000,
     "control characters": "\x1b" * 1_000_000,
     "integer": 10**100_000,
-    "list": ["x" * 100_000] * 1000,
+    "list": ["x" * 1_000_000] * 100_000,
     "list of integers": [10**5000] * 100_000,
     "dict": {str(k): k for k in range(100_000)},
     "set": set(range(100_000)),
