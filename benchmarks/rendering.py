@@ -5,7 +5,8 @@ Both renderers use EGL. Our profile "high" is compared with MuJoCo at four sampl
 the camera follows the ball. MuJoCo's shadow map has 1024 pixels per side, as ours; its default, 4096, is slower. Times
 are CPU time of all threads, medians; the two take turns.
 
-Also measured: the time from the start of Python to the first frame, and the rate of pixel observations.
+Also measured: the time from the start of Python to the first frame, and the rate of pixel observations, by the compiled
+kernel and by the renderer in turn.
 """
 
 from __future__ import annotations
@@ -18,13 +19,19 @@ import time
 from collections.abc import Callable
 from typing import Any
 
+import numba
 import numpy as np
 
 from benchmarks.report import print_table
-from minigolf_env.courses import load_course
-from minigolf_env.envs import MiniGolfVectorEnv
+from minigolf_env.courses import Course, load_course
+from minigolf_env.courses.procedural import level_name
+from minigolf_env.envs import MiniGolfEnv
+from minigolf_env.envs.holes import FloatArray
+from minigolf_env.envs.observations.pixels import IMAGE_SIZE, marker_view, observe_pixels, top_view
+from minigolf_env.envs.task import TaskBatch
 from minigolf_env.rendering.camera import make_camera
 from minigolf_env.rendering.gl.offscreen import draw
+from minigolf_env.rendering.props import flag_rest_position
 from minigolf_env.rendering.replay import flag_position
 from minigolf_env.rendering.scene_state import SceneState
 
@@ -34,6 +41,15 @@ NUM_FRAMES = 30
 
 NUM_WARMUP_FRAMES = 3
 """Number of frames before the measurement."""
+
+NUM_LEVELS = 500
+"""Number of levels of pixel observations."""
+
+NUM_OBSERVATION_ROUNDS = 10
+"""Number of measured batches of pixel observations."""
+
+NO_STATE = np.empty((0, 10), np.float32)
+"""Features "state", which pixel observations do not show."""
 
 MUJOCO_MODEL = """
 <mujoco>
@@ -133,22 +149,57 @@ def print_first_frame_time() -> None:
     )
 
 
-def print_observation_rate(count: int = 64) -> None:
-    """Print the rate of pixel observations of a batch for a second of CPU time."""
-    envs = MiniGolfVectorEnv(count, observation="pixels")
-    envs.reset(seed=0)
+def pixel_rates(tasks: TaskBatch, num_rendered: int) -> dict[str, float]:
+    """Return pixel observations per CPU-second after the first frame of each course: of the kernel and the renderer.
+
+    Args:
+        tasks: one hole, or a level for each ball.
+        num_rendered: number of tasks whose balls the renderer draws, in turn with the kernel.
+    """
+    count = 64 if len(tasks.tasks) == 1 else len(tasks.tasks)
     rng = np.random.default_rng(0)
-    cpu_times = []
-    for _ in range(12):
-        envs.step(rng.uniform(-0.5, 0.5, (count, 2)).astype(np.float32))
+    strokes = np.zeros(count, np.int64)
+    cpu_times: dict[str, list[float]] = {"kernel": [], "renderer": []}
+    for _ in range(NUM_OBSERVATION_ROUNDS + 1):
+        balls = tasks.sample_start([rng] * count) + rng.uniform(0.0, 1.0, (count, 1)) * [1.0, 0.2, 0.0]
         start = time.process_time()
-        envs._observe()
-        cpu_times.append(time.process_time() - start)
-    print(f"pixel observations, batch of {count}: {count / statistics.median(cpu_times[2:]):,.0f} per CPU-second")
+        observe_pixels(tasks, balls, strokes, NO_STATE)
+        cpu_times["kernel"].append((time.process_time() - start) / count)
+        start = time.process_time()
+        for k in range(num_rendered):
+            render_marker(tasks.tasks[k % len(tasks.tasks)].course, balls[k])
+        cpu_times["renderer"].append((time.process_time() - start) / num_rendered)
+    return {name: 1.0 / statistics.median(times[1:]) for name, times in cpu_times.items()}
+
+
+def render_marker(course: Course, ball: FloatArray) -> None:
+    """Draw the image of a pixel observation with the renderer."""
+    camera, radius = marker_view(course)
+    state = SceneState(ball, np.eye(3), flag_rest_position(course), marker_radius=radius)
+    draw(course, camera, state, (IMAGE_SIZE, IMAGE_SIZE), "fast")
+
+
+def print_observation_rates() -> None:
+    """Print the rates of pixel observations on one hole and on levels, next to the renderer's, on one thread."""
+    numba.set_num_threads(1)
+    hole = MiniGolfEnv(observation="pixels").task
+    start = time.process_time()
+    levels = TaskBatch([MiniGolfEnv(level_name("medium", k), observation="pixels").task for k in range(NUM_LEVELS)])
+    made = time.process_time()
+    for task in levels.tasks:
+        top_view(task.course)
+    first_frame = (time.process_time() - made) / NUM_LEVELS
+    rows = []
+    for name, tasks, num_rendered in (("dogleg", hole, 64), (f"{NUM_LEVELS} levels", levels, 12)):
+        rates = pixel_rates(tasks, num_rendered)
+        ratio = f"{rates['kernel'] / rates['renderer']:,.0f}x"
+        rows.append([name, f"{rates['kernel']:,.0f}", f"{rates['renderer']:,.0f}", ratio])
+    print_table(["pixel observations on", "per CPU-second", "by the renderer", "ratio"], rows)
+    print(f"first frame of a level: {first_frame:.2f} CPU-seconds; its physics: {(made - start) / NUM_LEVELS:.2f}\n")
 
 
 if __name__ == "__main__":
     os.environ["MUJOCO_GL"] = "egl"
     print_first_frame_time()
-    print_observation_rate()
+    print_observation_rates()
     print_mujoco_comparison()

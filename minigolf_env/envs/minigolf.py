@@ -65,7 +65,8 @@ class MiniGolfEnv(gym.Env[Observation, Action]):
     of the end and the greatest height so far, m.
 
     ``observation="pixels"`` is ``Box(0, 255, (84, 84, 3), uint8)``: an image of the course from above, x to the right
-    and y up. The ball is enlarged to be visible. The white part of the lowest two rows is the fraction of strokes left.
+    and y up. The ball is a white marker, large enough to be visible; where something hides it, it shines through. The
+    white part of the lowest two rows is the fraction of strokes left. The first image of a course takes 0.2 s.
 
     ## Rewards
     ``reward="strokes"`` is -1 a stroke, so that the return is minus the score. ``reward="shaped"``, the default, adds

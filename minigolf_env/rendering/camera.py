@@ -6,7 +6,7 @@ World coordinates are in metres with z up; a camera looks along ``target - eye``
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -53,6 +53,8 @@ class Camera:
     """Upward direction in the image; not parallel to the line of sight."""
     fov: float = DEFAULT_FOV
     """Vertical field of view, degrees."""
+    near: float = 0.0
+    """Distance from the camera, m, below which there is nothing to see: the depth buffer is the more precise."""
 
     def axes(self) -> FloatArray:
         """Return the unit vectors (3, 3) to the right, up, and along the line of sight."""
@@ -70,9 +72,7 @@ class Camera:
         view[:3, :3] = right, up, -forward
         view[:3, 3] = -view[:3, :3] @ self.eye
         scale = 1.0 / math.tan(math.radians(self.fov) / 2.0)
-        # A camera that fits a course into a long or narrow image is far away: both clipping planes move with it.
-        depth_scale = max(1.0, 3.0 * math.dist(self.eye, self.target) / FAR_PLANE)
-        near, far = depth_scale * NEAR_PLANE, depth_scale * FAR_PLANE
+        near, far = self.clipping_planes()
         projection = np.zeros((4, 4))
         projection[0, 0] = scale / aspect
         projection[1, 1] = scale
@@ -82,6 +82,12 @@ class Camera:
         matrix = projection @ view
         matrix.flags.writeable = False
         return matrix
+
+    def clipping_planes(self) -> tuple[float, float]:
+        """Return the distances of the near and of the far clipping plane from the camera, m."""
+        # A camera that fits a course into a long or narrow image is far away: both clipping planes move with it.
+        depth_scale = max(1.0, 3.0 * math.dist(self.eye, self.target) / FAR_PLANE)
+        return max(self.near, depth_scale * NEAR_PLANE), depth_scale * FAR_PLANE
 
     def pixels_per_metre(self, distance: float, height: int) -> float:
         """Return the size in pixels of a metre at a distance (m) in an image of a height (pixels)."""
@@ -108,7 +114,9 @@ def make_camera(name: str, course: Course, ball: ArrayLike, aspect: float, time:
 
 def top_camera(course: Course, aspect: float) -> Camera:
     """Return the camera above the course; x to the right, y up."""
-    return _fit_course(course, (0.0, 0.0, -1.0), (0.0, 1.0, 0.0), TOP_FOV, aspect)
+    camera = _fit_course(course, (0.0, 0.0, -1.0), (0.0, 1.0, 0.0), TOP_FOV, aspect)
+    flag_top = course.cup.position[2] + POLE_HEIGHT if course.cup is not None else -math.inf
+    return replace(camera, near=0.5 * (camera.eye[2] - max(course.bounds[1][2], flag_top)))
 
 
 def tee_camera(course: Course, aspect: float) -> Camera:

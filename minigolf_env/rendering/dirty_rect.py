@@ -14,13 +14,11 @@ from numpy.typing import NDArray
 
 from minigolf_env.courses import Course
 from minigolf_env.rendering.camera import Camera
+from minigolf_env.rendering.lighting import LIGHTING
 from minigolf_env.rendering.props import CLOTH_LENGTH, POLE_HEIGHT, SUN_DIRECTION, flag_rest_position
 from minigolf_env.rendering.scene_state import SceneState
 
 FloatArray = NDArray[np.float64]
-
-OCCLUSION_RANGE = 4.0
-"""Distance up to which the ball darkens its surroundings (ambient occlusion), in radii."""
 
 MAX_PENUMBRA_GROWTH = 0.1
 """Upper bound of the growth of a penumbra per metre of distance from the occluder; surface.frag has at most 0.08."""
@@ -85,10 +83,10 @@ def _moving_cubes(course: Course, state: SceneState) -> list[tuple[FloatArray, f
     """Return centres (3,) and half sizes, m, of cubes around everything that moves, and around its shadows."""
     ground = _lowest_point(course)
     # The ball with the surroundings that it darkens, and its shadow.
-    radius = state.ball_scale * course.ball_radius
+    radius = state.drawn_radius(course.ball_radius)
     shadow_distance = _max_shadow_distance(state.ball, ground)
     cubes = [
-        (state.ball, OCCLUSION_RANGE * radius),
+        (state.ball, LIGHTING.occlusion_range * radius),
         (state.ball - shadow_distance * SUN_DIRECTION, 2.0 * radius + MAX_PENUMBRA_GROWTH * shadow_distance),
     ]
     # A lifted flag: where it stood and where it is, each with the shadow of the cloth.

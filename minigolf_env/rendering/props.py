@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 
 from minigolf_env.courses import Course
 from minigolf_env.rendering.course_geometry import VERTEX_DTYPE, IndexedMesh
+from minigolf_env.rendering.lighting import LIGHTING
 
 FloatArray = NDArray[np.float64]
 
-SUN_DIRECTION = np.array([-0.46, -0.38, 0.80]) / np.linalg.norm([-0.46, -0.38, 0.80])
+SUN_DIRECTION = np.array(LIGHTING.sun_direction)
 """Unit vector (3,) to the sun."""
 
 SKY_COLOR = (0.62, 0.72, 0.80)
@@ -51,6 +52,15 @@ def sphere(num_rings: int, num_sides: int) -> IndexedMesh:
     polar, azimuth = np.meshgrid(polar_angles, azimuths, indexing="ij")
     points = np.stack([np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth), np.cos(polar)], axis=-1)
     return _grid_mesh(points, points)
+
+
+def marker() -> IndexedMesh:
+    """Return a square in the plane z = 0 with room for the unit disc and its blurred edge."""
+    corners = 1.5 * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+    vertices = np.zeros(4, VERTEX_DTYPE)
+    vertices["position"][:, :2] = corners
+    vertices["normal"] = 0.0, 0.0, 1.0
+    return vertices, np.array([0, 1, 2, 0, 2, 3], np.uint32)
 
 
 def pole(num_sides: int = 10) -> IndexedMesh:

@@ -51,5 +51,11 @@ class SceneState(NamedTuple):
     """Foot (3,) of the flag's pole, m; above the bottom of the cup while the flag is lifted."""
     lines: tuple[Line, ...] = ()
     """Bands on the ground, such as the trail."""
-    ball_scale: float = 1.0
-    """Drawn radius of the ball as a multiple of its real one."""
+    marker_radius: float = 0.0
+    """Radius, m, of a marker that is drawn for the ball in images in which that would be too small; 0: none.
+
+    The marker is white, and no shadow falls on it; it casts one."""
+
+    def drawn_radius(self, ball_radius: float) -> float:
+        """Return the radius of what is drawn for a ball of a radius, m: its own or the marker's."""
+        return self.marker_radius or ball_radius

@@ -17,7 +17,6 @@ from OpenGL import GL
 from minigolf_env.rendering.course_geometry import VERTEX_DTYPE
 from minigolf_env.rendering.dirty_rect import PixelRect
 from minigolf_env.rendering.errors import RenderingError
-from minigolf_env.rendering.image import Image
 from minigolf_env.rendering.scene_state import Line
 
 LINE_VERTEX_DTYPE = np.dtype([("position", "<f4", (3,)), ("color", "<f4", (4,))])
@@ -94,17 +93,21 @@ class Framebuffer:
     Args:
         size: width and height, pixels.
         samples: samples per pixel of multisample anti-aliasing; 0: none.
+        num_colors: number of colour buffers; a multisampled one has one.
 
     Raises:
         RenderingError: the driver has no framebuffer of this size.
     """
 
-    def __init__(self, size: tuple[int, int], samples: int) -> None:
+    def __init__(self, size: tuple[int, int], samples: int, num_colors: int = 1) -> None:
         self.size = size
         self._renderbuffers: list[int] = []
         self._resolved = GL.glGenFramebuffers(1)
         self._drawn = GL.glGenFramebuffers(1) if samples else self._resolved
-        self._attach(self._drawn, GL.GL_COLOR_ATTACHMENT0, GL.GL_RGBA8, samples)
+        colors = [GL.GL_COLOR_ATTACHMENT0 + k for k in range(num_colors)]
+        for attachment in colors:
+            self._attach(self._drawn, attachment, GL.GL_RGBA8, samples)
+        GL.glDrawBuffers(num_colors, colors)
         self._attach(self._drawn, GL.GL_DEPTH_ATTACHMENT, GL.GL_DEPTH_COMPONENT24, samples)
         if samples:
             self._attach(self._resolved, GL.GL_COLOR_ATTACHMENT0, GL.GL_RGBA8, 0)
@@ -123,14 +126,23 @@ class Framebuffer:
             rect = 0, 0, *self.size
             GL.glBlitFramebuffer(*rect, *rect, GL.GL_COLOR_BUFFER_BIT, GL.GL_NEAREST)
 
-    def read(self, rect: PixelRect | None = None) -> Image:
-        """Return the resolved image (height, width, 3), or a rectangle of it."""
+    def read(self, rect: PixelRect | None = None, color: int = 0, channels: int = 3) -> NDArray[np.uint8]:
+        """Return the resolved image (height, width, channels), or a rectangle of it, from one of the colour buffers."""
         left, top, right, bottom = rect or PixelRect(0, 0, *self.size)
         GL.glBindFramebuffer(GL.GL_READ_FRAMEBUFFER, self._resolved)
-        image = np.empty((bottom - top, right - left, 3), np.uint8)
+        GL.glReadBuffer(GL.GL_COLOR_ATTACHMENT0 + color)
+        pixel_format = {3: GL.GL_RGB, 4: GL.GL_RGBA}[channels]
+        image = np.empty((bottom - top, right - left, channels), np.uint8)
         GL.glPixelStorei(GL.GL_PACK_ALIGNMENT, 1)
-        GL.glReadPixels(left, top, right - left, bottom - top, GL.GL_RGB, GL.GL_UNSIGNED_BYTE, image)
+        GL.glReadPixels(left, top, right - left, bottom - top, pixel_format, GL.GL_UNSIGNED_BYTE, image)
         return image
+
+    def read_depth(self) -> NDArray[np.float32]:
+        """Return the depth buffer (height, width), 0 at the near clipping plane to 1 at the far one."""
+        GL.glBindFramebuffer(GL.GL_READ_FRAMEBUFFER, self._resolved)
+        depths = np.empty(self.size[::-1], np.float32)
+        GL.glReadPixels(0, 0, *self.size, GL.GL_DEPTH_COMPONENT, GL.GL_FLOAT, depths)
+        return depths
 
     def blit_to_window(self, width: int, height: int) -> None:
         """Copy the resolved image to the window's framebuffer of (width, height) pixels."""

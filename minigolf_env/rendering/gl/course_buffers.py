@@ -41,7 +41,7 @@ SKY_BLUR = 0.07
 FRAME_UNIFORMS_DTYPE = np.dtype(
     [
         *((name, "<f4", (4, 4)) for name in ("clip_from_world", "sun_from_world", "sky_from_world")),
-        *((name, "<f4", (4,)) for name in ("eye", "sun", "ball", "flag", "cloth", "cup", "center", "ground")),
+        *((name, "<f4", (4,)) for name in ("eye", "ball", "flag", "cloth", "cup", "center", "ground")),
     ]
 )
 """The uniform block FrameUniforms of common.glsl, which explains its fields (std140; matrices by columns)."""
@@ -103,7 +103,6 @@ class CourseBuffers:
         lower, upper = self.geometry.lower, self.geometry.upper
         uniforms["sun_from_world"] = self.sun_map.from_world.T
         uniforms["sky_from_world"] = self.sky_map.from_world.T
-        uniforms["sun"][:3] = props.SUN_DIRECTION
         uniforms["center"][:3] = 0.5 * (lower + upper)
         course_radius = 0.5 * np.linalg.norm(upper - lower)
         uniforms["ground"] = lower[2], course_radius, self.sun_map.max_depth, self.sky_map.max_depth

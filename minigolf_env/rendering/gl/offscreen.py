@@ -6,19 +6,22 @@ import functools
 import platform
 import threading
 from collections import OrderedDict
-from collections.abc import Iterable
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from typing import TYPE_CHECKING, TypeVar
 
 from minigolf_env.courses import Course
 from minigolf_env.rendering.camera import Camera
 from minigolf_env.rendering.dirty_rect import compute_dirty_rect
 from minigolf_env.rendering.errors import ContextLostError
+from minigolf_env.rendering.gbuffer import GBuffer
 from minigolf_env.rendering.gl.context import Context, EGLContext
 from minigolf_env.rendering.image import Image
 from minigolf_env.rendering.scene_state import SceneState
 
 if TYPE_CHECKING:
     from minigolf_env.rendering.gl.renderer import Renderer
+
+Rendered = TypeVar("Rendered")
 
 BackgroundKey = tuple[Course, Camera, tuple[int, int], str]
 """Course, camera, size (pixels) and profile: together they determine the image without a ball."""
@@ -46,27 +49,21 @@ def draw(course: Course, camera: Camera, state: SceneState, size: tuple[int, int
         RenderingError: OpenGL is not available, ``size`` is beyond its limit, or the process was forked after the
             first image.
     """
-    return draw_many(course, camera, [state], size, profile)[0]
+    return _render(lambda renderer: renderer.draw((course, camera, size, profile), state))
 
 
-def draw_many(
-    course: Course, camera: Camera, states: Iterable[SceneState], size: tuple[int, int], profile: str = "high"
-) -> list[Image]:
-    """Return an image of each scene state as ``draw`` does, in slightly less time.
+def draw_gbuffer(course: Course, camera: Camera, size: tuple[int, int]) -> GBuffer:
+    """Return the G-buffer of a course with its flag and no ball, in the profile "fast".
 
-    If another library has ended the context, a new one is made, once.
+    Args:
+        course: the course.
+        camera: the camera.
+        size: width and height, pixels.
 
     Raises:
         RenderingError: see ``draw``.
     """
-    key = (course, camera, size, profile)
-    wanted = list(states)
-    renderer = get_offscreen_renderer()
-    try:
-        return renderer.draw_all(key, wanted)
-    except ContextLostError:
-        _discard_renderer(renderer)
-        return get_offscreen_renderer().draw_all(key, wanted)
+    return _render(lambda renderer: renderer.renderer().draw_gbuffer(course, camera, size))
 
 
 class OffscreenRenderer:
@@ -81,11 +78,6 @@ class OffscreenRenderer:
         self._renderer: Renderer | None = None
         self._backgrounds: OrderedDict[BackgroundKey, Image] = OrderedDict()
         self._last_key: BackgroundKey | None = None
-
-    def draw_all(self, key: BackgroundKey, states: Iterable[SceneState]) -> list[Image]:
-        """Return an image of each scene state."""
-        with self.context.current():
-            return [self.draw(key, state) for state in states]
 
     def draw(self, key: BackgroundKey, state: SceneState) -> Image:
         """Return an image; the context is current."""
@@ -125,6 +117,22 @@ def get_offscreen_renderer() -> OffscreenRenderer:
     """Return the renderer of this process, made at the first call."""
     with _CREATION_LOCK:
         return _process_renderer()
+
+
+def _render(work: Callable[[OffscreenRenderer], Rendered]) -> Rendered:
+    """Return the result of some work for which the renderer's context is current.
+
+    If another library has ended the context, a new one is made, once.
+    """
+    renderer = get_offscreen_renderer()
+    try:
+        with renderer.context.current():
+            return work(renderer)
+    except ContextLostError:
+        _discard_renderer(renderer)
+    renderer = get_offscreen_renderer()
+    with renderer.context.current():
+        return work(renderer)
 
 
 def _discard_renderer(renderer: OffscreenRenderer) -> None:

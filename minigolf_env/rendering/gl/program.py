@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from OpenGL import GL
 
-from minigolf_env.rendering.dirty_rect import OCCLUSION_RANGE
 from minigolf_env.rendering.errors import RenderingError
+from minigolf_env.rendering.lighting import LIGHTING
 from minigolf_env.rendering.props import POLE_RADIUS, SKY_COLOR
 
 MATERIAL_NAMES = (
@@ -26,6 +26,8 @@ MATERIAL_NAMES = (
     "pole",
     "ball",
     "ghost",
+    "marker",
+    "marker_ghost",
 )
 """Materials of surface.frag; each is compiled into a separate program."""
 
@@ -34,10 +36,16 @@ FRAME_UNIFORMS_BINDING = 5
 
 SHADER_CONSTANTS = {
     "POLE_RADIUS": str(POLE_RADIUS),
-    "OCCLUSION_RANGE": str(OCCLUSION_RANGE),
     "SKY_COLOR": f"vec3{SKY_COLOR}",
+    **{
+        name.upper(): f"vec3{value}" if isinstance(value, tuple) else str(value)
+        for name, value in LIGHTING._asdict().items()
+    },
 }
 """Constants that shaders and Python share, as GLSL expressions."""
+
+PROFILE_FLAGS = {"high": (), "fast": ("FAST",), "gbuffer": ("FAST", "GBUFFER")}
+"""Names that are #defined for each profile."""
 
 TEXTURE_UNITS = ("sun_map", "sky_map", "detail", "dimples")
 """Samplers of surface.frag; each is bound to the texture unit of its position."""
@@ -48,14 +56,15 @@ class Program:
 
     Args:
         name: "depth", "line", or one of MATERIAL_NAMES.
-        fast: compile the profile "fast": no specular reflections and no shadow map of the sky.
+        profile: "high"; "fast": no specular reflections and no shadow map of the sky; "gbuffer": as "fast", with the
+            outputs of a G-buffer.
 
     Raises:
         RenderingError: the driver does not compile or link the program.
     """
 
-    def __init__(self, name: str, fast: bool = False) -> None:
-        self.id = _build_program(name, fast)
+    def __init__(self, name: str, profile: str = "high") -> None:
+        self.id = _build_program(name, profile)
         # Bind the uniform block and the samplers; set the other uniforms to their defaults.
         GL.glUseProgram(self.id)
         block = GL.glGetUniformBlockIndex(self.id, "FrameUniforms")
@@ -82,13 +91,13 @@ class Program:
             GL.glUniform4f(self._tint_location, *((*color, 1.0) if color is not None else (0.0, 0.0, 0.0, 0.0)))
 
 
-def _build_program(name: str, fast: bool) -> int:
+def _build_program(name: str, profile: str) -> int:
     """Return the OpenGL id of a compiled and linked program; arguments and errors as for ``Program``."""
     # One #define for each shared constant and each material, for the profile, and for the material of this program.
     stem = "surface" if name in MATERIAL_NAMES else name
     defines = "".join(f"#define {constant} {value}\n" for constant, value in SHADER_CONSTANTS.items())
     defines += "".join(f"#define {material.upper()} {k}\n" for k, material in enumerate(MATERIAL_NAMES))
-    defines += "#define FAST\n" if fast else ""
+    defines += "".join(f"#define {flag}\n" for flag in PROFILE_FLAGS[profile])
     defines += f"#define MATERIAL {name.upper()}\n" if name in MATERIAL_NAMES else ""
     # Compile both shaders.
     program: int = GL.glCreateProgram()

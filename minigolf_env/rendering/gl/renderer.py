@@ -18,6 +18,7 @@ from minigolf_env.rendering import props, textures
 from minigolf_env.rendering.camera import Camera
 from minigolf_env.rendering.dirty_rect import PixelRect, project_aabbs
 from minigolf_env.rendering.errors import RenderingError
+from minigolf_env.rendering.gbuffer import GBuffer
 from minigolf_env.rendering.gl.buffers import (
     Framebuffer,
     LineStrips,
@@ -35,8 +36,11 @@ from minigolf_env.rendering.scene_state import SceneState
 FloatArray = NDArray[np.float64]
 Cached = TypeVar("Cached")
 
-SAMPLES_PER_PIXEL = {"high": 4, "fast": 0}
+SAMPLES_PER_PIXEL = {"high": 4, "fast": 0, "gbuffer": 0}
 """Samples per pixel of each profile (multisample anti-aliasing); 0: none."""
+
+NUM_COLOR_BUFFERS = {"high": 1, "fast": 1, "gbuffer": 3}
+"""Number of images that each profile draws at once: surface.frag has the outputs of a G-buffer."""
 
 MAX_CACHED_BUFFERS = 8
 """Number of courses, and of framebuffers, that are kept; the least recently used is freed first."""
@@ -60,11 +64,11 @@ class Renderer:
 
     def __init__(self) -> None:
         self._max_size = int(GL.glGetIntegerv(GL.GL_MAX_RENDERBUFFER_SIZE))
-        self._is_fast = False
-        """The profile of the image that is being drawn is "fast"."""
-        self._programs: dict[tuple[str, bool], Program] = {}
+        self._profile = "high"
+        """The profile of the image that is being drawn."""
+        self._programs: dict[tuple[str, str], Program] = {}
         self._courses: OrderedDict[Course, CourseBuffers] = OrderedDict()
-        self._framebuffers: OrderedDict[tuple[tuple[int, int], int], Framebuffer] = OrderedDict()
+        self._framebuffers: OrderedDict[tuple[tuple[int, int], int, int], Framebuffer] = OrderedDict()
         # The buffer of the uniform block FrameUniforms.
         self._uniform_buffer = GL.glGenBuffers(1)
         GL.glBindBuffer(GL.GL_UNIFORM_BUFFER, self._uniform_buffer)
@@ -85,6 +89,7 @@ class Renderer:
         # Meshes.
         self._ball = MeshBuffer(*props.sphere(16, 32))
         self._small_ball = MeshBuffer(*props.sphere(6, 12))
+        self._marker = MeshBuffer(*props.marker())
         self._pole = MeshBuffer(*props.pole())
         self._cloth = MeshBuffer(*props.cloth(props.CLOTH_DIRECTION))
         self._lines = LineStrips()
@@ -105,15 +110,15 @@ class Renderer:
             camera: the camera.
             state: poses of ball, flag and lines; None: the course with its flag and no ball.
             size: width and height, pixels.
-            profile: "high" or "fast".
+            profile: "high", "fast", or "gbuffer" for ``draw_gbuffer``.
             rect: the rectangle to draw; None: the whole image.
 
         Raises:
             RenderingError: the size is beyond the driver's limit.
         """
-        self._is_fast = profile == "fast"
+        self._profile = profile
         buffers = self._cached(self._courses, course, lambda: CourseBuffers(course, self._program("depth")))
-        framebuffer = self._framebuffer(size, SAMPLES_PER_PIXEL[profile])
+        framebuffer = self._framebuffer(size)
         rect = rect or PixelRect(0, 0, *size)
         clip = FLIP_Y @ camera.clip_from_world(size[0] / size[1])
         edges = _clip_edges(rect, size)
@@ -132,7 +137,10 @@ class Renderer:
         if course.cup is not None and self._is_flag_visible(flag, clip, edges):
             self._draw_flag(flag)
         if state is not None:
-            self._draw_ball(course, camera, state, clip, size[1])
+            if state.marker_radius:
+                self._draw_marker(camera, state)
+            else:
+                self._draw_ball(course, camera, state, clip, size[1])
             if state.lines:
                 self._program("line").use()
                 self._lines.draw(state.lines)
@@ -140,6 +148,22 @@ class Renderer:
         GL.glDisable(GL.GL_SCISSOR_TEST)
         framebuffer.resolve()
         return framebuffer
+
+    def draw_gbuffer(self, course: Course, camera: Camera, size: tuple[int, int]) -> GBuffer:
+        """Return the G-buffer of a course with its flag and no ball, in the profile "fast".
+
+        Raises:
+            RenderingError: the size is beyond the driver's limit.
+        """
+        framebuffer = self.draw(course, camera, None, size, "gbuffer")
+        near, far = camera.clipping_planes()
+        distance = near * far / (far - framebuffer.read_depth().astype(np.float64) * (far - near))
+        return GBuffer(
+            framebuffer.read(),
+            framebuffer.read(color=1, channels=4),
+            framebuffer.read(color=2),
+            distance.astype(np.float32),
+        )
 
     def _upload_uniforms(
         self, course: Course, buffers: CourseBuffers, clip: FloatArray, camera: Camera, state: SceneState | None
@@ -149,7 +173,7 @@ class Renderer:
         uniforms["clip_from_world"] = clip.T
         uniforms["eye"][:3] = camera.eye
         uniforms["ball"][:3] = NO_BALL_POSITION if state is None else state.ball
-        uniforms["ball"][3] = course.ball_radius * (1.0 if state is None else state.ball_scale)
+        uniforms["ball"][3] = course.ball_radius if state is None else state.drawn_radius(course.ball_radius)
         uniforms["flag"][:3] = props.flag_rest_position(course) if state is None else state.flag
         GL.glBindBuffer(GL.GL_UNIFORM_BUFFER, self._uniform_buffer)
         GL.glBufferSubData(GL.GL_UNIFORM_BUFFER, 0, uniforms.nbytes, uniforms)
@@ -207,10 +231,9 @@ class Renderer:
 
     def _draw_ball(self, course: Course, camera: Camera, state: SceneState, clip: FloatArray, height: int) -> None:
         """Draw the ball, and a translucent ghost of it where something hides it."""
-        radius = state.ball_scale * course.ball_radius
-        model = _model_matrix(state.ball, radius, state.rotation)
+        model = _model_matrix(state.ball, course.ball_radius, state.rotation)
         distance = float(clip[3] @ np.append(state.ball, 1.0))
-        pixel_radius = radius * camera.pixels_per_metre(distance, height)
+        pixel_radius = course.ball_radius * camera.pixels_per_metre(distance, height)
         mesh = self._small_ball if pixel_radius < SMALL_BALL_RADIUS else self._ball
         self._use_material("ball", model)
         mesh.draw()
@@ -220,21 +243,33 @@ class Renderer:
             mesh.draw()
             GL.glDepthFunc(GL.GL_LESS)
 
+    def _draw_marker(self, camera: Camera, state: SceneState) -> None:
+        """Draw the marker, a disc that faces the camera, and a translucent ghost of it where something hides it."""
+        right, up, forward = camera.axes()
+        model = _model_matrix(state.ball, state.marker_radius, np.stack([right, up, -forward], axis=-1))
+        with alpha_blending():
+            for material, depth_test in (("marker", GL.GL_LESS), ("marker_ghost", GL.GL_GREATER)):
+                self._use_material(material, model)
+                GL.glDepthFunc(depth_test)
+                self._marker.draw()
+            GL.glDepthFunc(GL.GL_LESS)
+
     def _program(self, name: str) -> Program:
         """Return a program in the present profile; it is compiled at the first call."""
-        key = name, self._is_fast and name in MATERIAL_NAMES  # Other programs are the same in all profiles.
+        key = name, self._profile if name in MATERIAL_NAMES else "high"  # Other programs are the same in all profiles.
         if key not in self._programs:
             self._programs[key] = Program(*key)
         return self._programs[key]
 
-    def _framebuffer(self, size: tuple[int, int], samples: int) -> Framebuffer:
-        """Return the framebuffer of a size, or raise a RenderingError if the driver does not support it."""
+    def _framebuffer(self, size: tuple[int, int]) -> Framebuffer:
+        """Return the framebuffer of a size and the present profile; RenderingError: the driver does not support it."""
         if max(size) > self._max_size:
             raise RenderingError(
                 f"render_size: expected at most {self._max_size} pixels per side, the limit of the OpenGL driver, "
                 f"received {size}."
             )
-        return self._cached(self._framebuffers, (size, samples), lambda: Framebuffer(size, samples))
+        key = size, SAMPLES_PER_PIXEL[self._profile], NUM_COLOR_BUFFERS[self._profile]
+        return self._cached(self._framebuffers, key, lambda: Framebuffer(*key))
 
     def _cached(self, cache: OrderedDict[Any, Cached], key: Hashable, make: Callable[[], Cached]) -> Cached:
         """Return the cached value of a key, or make it and free the least recently used."""

@@ -1,11 +1,16 @@
 // Materials and light of all solid surfaces. program.py compiles a program for each MATERIAL (a number; the names of the
-// materials are #defined as numbers too) and, with FAST defined, for the profile "fast". It also defines POLE_RADIUS,
-// OCCLUSION_RANGE and SKY_COLOR. Lengths are in metres. Numbers without an explanation were chosen by eye.
+// materials are #defined as numbers too) and profile: with FAST defined for "fast", with FAST and GBUFFER for "gbuffer",
+// which also stores what the light of a pixel was computed from. It also defines POLE_RADIUS, SKY_COLOR and the fields of
+// lighting.py. Lengths are in metres. Numbers without an explanation were chosen by eye.
 in vec3 world_position;
 in vec3 world_normal;
 in vec3 model_position;
 in vec3 grain_direction;
-out vec4 color;
+layout(location = 0) out vec4 color;
+#ifdef GBUFFER
+layout(location = 1) out vec4 albedo_and_sunlight;  // square root of the albedo; share of the sunlight
+layout(location = 2) out vec4 encoded_normal;       // -1 to 1 as 1 to 255; 0 as 128, where the ball casts no shadow
+#endif
 uniform sampler2D sun_map;    // variance shadow map of the sun: mean and mean square of the depth, blurred
 uniform sampler2D sky_map;    // the same for a light straight above, with a wider blur
 uniform sampler2D detail;     // texture of the material, grey
@@ -32,11 +37,10 @@ float light_share(
 // Return the share of the sun's disc that the ball does not hide from p.
 float sun_past_ball(vec3 p) {
     vec3 to_ball = ball.xyz - p;
-    float along = dot(to_ball, sun.xyz);
+    float along = dot(to_ball, SUN_DIRECTION);
     if (along < 0.0) return 1.0;
     float off_axis = sqrt(max(dot(to_ball, to_ball) - along * along, 0.0));
-    // Half-width: 8 cm per metre of distance, below MAX_PENUMBRA_GROWTH; the real sun's 0.5 cm would hardly be visible.
-    float penumbra = 0.08 * along + 0.04 * ball.w;
+    float penumbra = PENUMBRA_GROWTH * along + CONTACT_PENUMBRA * ball.w;
     return smoothstep(ball.w - penumbra, ball.w + penumbra, off_axis);
 }
 
@@ -44,8 +48,8 @@ float sun_past_ball(vec3 p) {
 // cloth at q.
 float sun_past_flag(vec3 p) {
     vec2 across = vec2(-cloth.y, cloth.x);
-    float t = dot(flag.xy - p.xy, across) / dot(sun.xy, across);
-    vec3 q = p + t * sun.xyz - flag.xyz;
+    float t = dot(flag.xy - p.xy, across) / dot(SUN_DIRECTION.xy, across);
+    vec3 q = p + t * SUN_DIRECTION - flag.xyz;
     float penumbra = 0.004 + 0.02 * max(t, 0.0);  // narrower than the ball's, as the pole is thin
     float s = dot(q.xy, cloth.xy);  // distance from the pole along the cloth
     float pole = 1.0 - smoothstep(-penumbra, penumbra, abs(s) - POLE_RADIUS);
@@ -75,8 +79,18 @@ const float MEAN_BRIGHTNESS = 0.75;
 float detail_at(vec2 uv) { return texture(detail, uv).r; }
 
 void main() {
-#if MATERIAL == GHOST
-    color = vec4(1.0, 1.0, 1.0, 0.3);  // the ball where something hides it
+    float opacity = 1.0;
+#if MATERIAL == MARKER || MATERIAL == MARKER_GHOST
+    // A disc with a soft edge that faces the camera, shaded and with the depth of a sphere. model_position: in radii.
+    float radius = length(model_position.xy);
+    float pixels_per_radius = 1.0 / length(vec2(dFdx(model_position.x), dFdy(model_position.x)));
+    opacity = clamp((1.0 - radius) * pixels_per_radius + 0.5, 0.0, 1.0);
+    vec3 on_sphere = vec3(model_position.xy, sqrt(max(1.0 - radius * radius, 0.0)));
+    vec4 clip = clip_from_world * vec4(world_position + model[2].xyz * on_sphere.z, 1.0);
+    gl_FragDepth = 0.5 + 0.5 * clip.z / clip.w;
+#endif
+#if MATERIAL == GHOST || MATERIAL == MARKER_GHOST
+    color = vec4(1.0, 1.0, 1.0, GHOST_OPACITY * opacity);  // the ball where something hides it
     return;
 #endif
     // Albedo, normal and gloss of the material.
@@ -158,15 +172,21 @@ void main() {
     albedo = mix(vec3(0.80, 0.10, 0.06), vec3(0.93), skin.a);
     gloss = 0.5;
     sharpness = 60.0;
+#elif MATERIAL == MARKER
+    n = normalize(mat3(model) * on_sphere);
+    albedo = vec3(MARKER_ALBEDO);
 #endif
 #if MATERIAL <= WATER && MATERIAL != LAWN
     // A tint replaces the colour and keeps the pattern of lighter and darker spots.
     if (tint.w > 0.0) albedo = tint.rgb * tint.rgb * (dot(albedo, vec3(0.3, 0.6, 0.1)) / MEAN_BRIGHTNESS);
 #endif
     // Shares of the sun's direct light and of the ambient light that reach the surface.
-    float direct = max(dot(n, sun.xyz), 0.0);
+    float direct = max(dot(n, SUN_DIRECTION), 0.0);
     float ambient_share = 1.0;
-#if MATERIAL != CLOTH && MATERIAL != POLE
+#if MATERIAL == BALL || MATERIAL == MARKER
+    ambient_share = mix(MIN_BALL_AMBIENT, 1.0, smoothstep(-1.0, 0.6, n.z));
+#endif
+#if MATERIAL != CLOTH && MATERIAL != POLE && MATERIAL != MARKER
     // The offset along the normal prevents self-shadowing.
     direct *= light_share(sun_map, sun_from_world, p + n * 0.004, ground.z, 1e-5, 0.0, 0.15);
 #if MATERIAL != BALL && MATERIAL != LAWN
@@ -176,9 +196,7 @@ void main() {
     float distance_sq = dot(to_ball, to_ball);
     float solid_angle = clamp(ball.w * ball.w / distance_sq - 1.0 / (OCCLUSION_RANGE * OCCLUSION_RANGE), 0.0, 1.0);
     float occlusion = solid_angle * clamp(dot(n, to_ball) * inversesqrt(distance_sq), 0.0, 1.0);
-    ambient_share = 1.0 - 0.85 * occlusion;
-#elif MATERIAL == BALL
-    ambient_share = 0.55 + 0.45 * smoothstep(-1.0, 0.6, n.z);
+    ambient_share = 1.0 - OCCLUSION_STRENGTH * occlusion;
 #endif
 #if MATERIAL != LAWN
     if (flag.w > 0.0) direct *= sun_past_flag(p);
@@ -192,7 +210,7 @@ void main() {
     vec3 lit = albedo * (SUNLIGHT * direct + ambient);
 #ifndef FAST
     if (gloss > 0.0) {
-        vec3 halfway = normalize(view + sun.xyz);
+        vec3 halfway = normalize(view + SUN_DIRECTION);
         lit += SUNLIGHT * (gloss * direct * pow(max(dot(n, halfway), 0.0), sharpness));
     }
 #endif
@@ -200,6 +218,13 @@ void main() {
     lit = mix(lit, SKY_COLOR * SKY_COLOR, smoothstep(1.5, 7.0, length(p.xy - center.xy) / ground.y));
 #endif
     // Tone mapping, which compresses bright colours, then gamma 2.
-    lit = lit * (1.0 + lit * 0.12) / (1.0 + lit * 0.55);
-    color = vec4(sqrt(lit), 1.0);
+    lit = lit * (1.0 + lit * TONE_GAIN) / (1.0 + lit * TONE_COMPRESSION);
+    color = vec4(sqrt(lit), opacity);
+#ifdef GBUFFER
+#if MATERIAL == LAWN || MATERIAL == CLOTH || MATERIAL == POLE
+    n = vec3(0.0);
+#endif
+    albedo_and_sunlight = vec4(sqrt(albedo) / MAX_ROOT_ALBEDO, direct);
+    encoded_normal = vec4((n * 127.0 + 128.0) / 255.0, 1.0);
+#endif
 }
