@@ -10,7 +10,6 @@ import numpy as np
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode
-from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
 from minigolf_env._validation import integer, quote
@@ -30,6 +29,7 @@ from minigolf_env.envs.holes import FloatArray
 from minigolf_env.envs.infos import LastStrokes, batch_info, final_info
 from minigolf_env.envs.rewards import explain_unserializable
 from minigolf_env.envs.rules import NUM_STATE_FEATURES
+from minigolf_env.envs.spaces import batch_box
 from minigolf_env.envs.stroke import play_stroke
 from minigolf_env.envs.task import Outcome, Task, TaskBatch, action_space, stack_tasks
 from minigolf_env.rendering import RENDER_FPS, EpisodeRenderer, PuttScene
@@ -103,8 +103,8 @@ class MiniGolfVectorEnv(gym.vector.VectorEnv[Observations, Actions, NDArray[Any]
         # Make the spaces and, with a render mode, a renderer for each environment.
         self.single_action_space = action_space()
         self.single_observation_space = self._observation.space()
-        self.action_space = batch_space(self.single_action_space, num_envs)
-        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_box(self.single_action_space, num_envs)
+        self.observation_space = batch_box(self.single_observation_space, num_envs)
         task = self._sampler.default()
         num_renderers = num_envs if render_mode is not None else 0
         scene = PuttScene(task.course, task.simulate_path)

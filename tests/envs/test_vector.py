@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import pickle
 from collections.abc import Iterator
 from typing import Any
 
@@ -11,9 +12,13 @@ import numba
 import numpy as np
 import pytest
 from gymnasium.error import ResetNeeded
+from gymnasium.spaces import Discrete
+from gymnasium.vector.utils import batch_space
 
 from minigolf_env.courses import list_courses
 from minigolf_env.envs import MiniGolfEnv, MiniGolfVectorEnv
+from minigolf_env.envs.observations import OBSERVATIONS
+from minigolf_env.envs.spaces import BOX_ARRAYS, batch_box
 from tests.envs.vector_parity import VectorParity
 
 RESET_SEED = 11
@@ -327,3 +332,19 @@ def test_environments_derive_from_gymnasium_directly() -> None:
     """Clients such as skrl look for Gymnasium's classes among the direct bases."""
     assert gym.vector.VectorEnv in MiniGolfVectorEnv.__bases__
     assert gym.Env in MiniGolfEnv.__bases__
+
+
+@pytest.mark.parametrize("name", OBSERVATIONS)
+def test_batched_space_is_gymnasiums_without_repeated_bounds(name: str) -> None:
+    """It is equal, samples alike, and its arrays have the memory of one environment's."""
+    space = OBSERVATIONS[name].space()
+    batched, expected = batch_box(space, 3), batch_space(space, 3)
+    assert batched == expected and batched.shape == expected.shape and batched.dtype == expected.dtype
+    batched.seed(5)
+    expected.seed(5)
+    sample = batched.sample()
+    np.testing.assert_array_equal(sample, expected.sample())
+    assert batched.contains(sample) and not batched.contains(sample[0])
+    assert all(getattr(batched, array).strides[0] == 0 for array in BOX_ARRAYS)
+    assert pickle.loads(pickle.dumps(batched)) == expected  # noqa: S301 (our own bytes)
+    assert batch_box(Discrete(4), 3) == batch_space(Discrete(4), 3)
