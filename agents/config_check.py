@@ -12,6 +12,7 @@ import torch
 from pydantic import TypeAdapter, ValidationError
 
 from minigolf_env._validation import quote, quote_unless_plain
+from minigolf_env.apps.putt_map import MAX_MAP_ROWS
 from minigolf_env.evaluation import NUM_EVALUATION_SEEDS
 
 MAX_COUNT = 2**31 - 1
@@ -26,6 +27,8 @@ RANGES: dict[str, tuple[float, float]] = {
     "n_search_episodes": (0, NUM_EVALUATION_SEEDS),
     "learning_starts": (0, MAX_COUNT),
     "num_learners": (0, 1024),
+    "directions": (1, MAX_MAP_ROWS),
+    "speeds": (1, MAX_MAP_ROWS),
     "batch_size": (2, 1_000_000),
     "num_env_runners": (1, 10_000),
     "learning_rate": (0.0, 1.0),

@@ -1,12 +1,14 @@
 """Simulate putts in every direction and at every speed on all cores of a Ray cluster, and map where they end.
 
-``python -m agents.putt_map --directions 20000 --speeds 5000`` simulates 10^8 putts, on this machine alone or with
-``--address auto`` on the cluster it is a node of. After an interruption the same command resumes. The folder contains
+Directions of 20000 and speeds of 5000 are 10^8 putts, on this machine alone or with ``--address auto`` on the cluster
+that it is a node of. After an interruption the same command resumes. The folder contains
 
-- ``putts-FIRST-LAST.npz`` for each range of directions: "result" (D, S), numbers of ``minigolf_env.envs.task.Result``,
-  "position" (D, S, 3), where the ball ended, m, float32, and "seconds", the CPU time of the simulation;
-- ``map.npz``: the number of putts with each result ("counts"), and the number of balls that came to rest in each cell
-  of the course ("heat", with the cell edges "x" and "y", m); ``map.png``: an image of it;
+- ``putts-FIRST-LAST.npz`` for each range of directions: "result" (D, S),
+  numbers of ``minigolf_env.envs.task.Result``, "position" (D, S, 3), where the
+  ball ended, m, float32, and "seconds", the CPU time of the simulation;
+- ``map.npz``: the number of putts with each result ("counts"), and the number
+  of balls that came to rest in each cell of the course ("heat", with the cell
+  edges "x" and "y", m); ``map.png``: an image of it;
 - ``putts.json``: everything that the putts depend on.
 """
 
@@ -20,13 +22,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import tyro
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from rich.console import Console
 from tqdm import tqdm
 
 from agents.cluster import connect, import_ray
+from agents.command_line import run_program
 from agents.config_check import check_ranges, one_line_errors
 from minigolf_env import __version__
 from minigolf_env._atomic_io import atomic_write, check_output_folder, write_text
@@ -59,9 +61,6 @@ class PuttMapConfig:
     num_cpus: int | None = None
     """Number of cores for a Ray started here; by default all."""
 
-
-MAX_DIRECTIONS = 9_999_999
-"""Largest number of directions: the names of the files have seven digits."""
 
 MAX_CELLS = 100_000_000
 """Largest number of cells of the heat map, 800 MB."""
@@ -213,8 +212,6 @@ def main(config: PuttMapConfig) -> Arrays:
     # Check the arguments and the course here rather than on another node.
     try:
         check_ranges(config)
-        if max(config.directions, config.speeds) > MAX_DIRECTIONS:
-            raise ValueError(f"directions and speeds: expected at most {MAX_DIRECTIONS:,} each.")
         course = load_course(config.course)
         maps.simulate_putts(course, config.tee, directions=1, speeds=1)
         num_cells = float(np.prod(np.ptp(course.bounds, axis=0)[:2] / config.cell_size))
@@ -245,4 +242,4 @@ def main(config: PuttMapConfig) -> Arrays:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(PuttMapConfig, description=__doc__))
+    run_program(main, PuttMapConfig, __doc__)

@@ -1,8 +1,7 @@
 """Turn the best model of a training run into a pretrained model of the package, "ppo" or "generalist".
 
-``python -m agents.release_model runs/dogleg-1`` writes minigolf_env/players/pretrained/dogleg.npz and its model card
-dogleg.json: training command, scores and SHA-256. For a run of train_generalist the files are procedural.npz and
-procedural.json.
+For the run runs/dogleg-1 it writes minigolf_env/players/pretrained/dogleg.npz and its model card dogleg.json: training
+command, scores and SHA-256. For a run of train_generalist the files are procedural.npz and procedural.json.
 """
 
 from __future__ import annotations
@@ -15,6 +14,7 @@ from typing import Annotated, Any
 import numpy as np
 import tyro
 
+from agents.command_line import run_program
 from agents.config_check import check_ranges, one_line_errors
 from agents.train_generalist import GeneralistConfig
 from agents.train_ppo import PPOConfig
@@ -66,13 +66,16 @@ def main(config: ReleaseConfig) -> None:
     """
     is_generalist = (config.run / "best.npz").is_file()
     name = "generalist" if is_generalist else "ppo"
-    run_config: TrainConfig = read_config(GeneralistConfig if is_generalist else PPOConfig, config.run)
-    with one_line_errors("expected a run, a number of episodes and a folder"):
+    run_config: TrainConfig = read_config(GeneralistConfig if is_generalist else PPOConfig, config.run, "run")
+    validate_config(run_config)
+    validate_config(dataclasses.replace(run_config, putt_noise=config.putt_noise))
+    try:
         check_ranges(config)
-        validate_config(run_config)
-        validate_config(dataclasses.replace(run_config, putt_noise=config.putt_noise))
-        model = load_model(config.run / ("best.npz" if is_generalist else "best.zip"))
         model_path = check_output(config.folder / PRETRAINED_MODELS[name], "folder")
+    except (OSError, ValueError) as error:
+        raise SystemExit(str(error)) from None
+    with one_line_errors("run: expected an intact model"):
+        model = load_model(config.run / ("best.npz" if is_generalist else "best.zip"))
 
     # Write the model to a temporary file: the present one stays until the new one is evaluated.
     with atomic_write(model_path) as temporary_file:
@@ -105,4 +108,4 @@ def main(config: ReleaseConfig) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(ReleaseConfig, description=__doc__))
+    run_program(main, ReleaseConfig, __doc__)

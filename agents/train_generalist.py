@@ -11,8 +11,8 @@ others close to it, and random ones; all of them go into the replay buffer, and 
 policy gradient: action values are multimodal, and the best mode changes from level to level. A Q-function can represent
 all modes, where the mean of a Gaussian policy averages them.
 
-``python -m agents.train_generalist`` trains; ``minigolf benchmark --policy runs/procedural-1/best.npz`` compares the
-model with search on fixed sets of levels. docs/training.md has the results.
+Afterwards ``minigolf benchmark --policy runs/procedural-1/best.npz`` compares the model with search on fixed sets of
+levels. The results are in docs/training.md.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ from typing import Any
 
 import numpy as np
 import torch
-import tyro
 from numpy.typing import NDArray
 from rich.progress import MofNCompleteColumn, Progress
 from stable_baselines3.common.logger import configure
 from stable_baselines3.common.torch_layers import create_mlp
 from torch.nn.functional import binary_cross_entropy_with_logits, mse_loss, softplus
 
+from agents.command_line import run_program
 from agents.config_check import check_weights
 from agents.putt_collector import PuttCollector
 from agents.run_evaluation import EVALUATION_METRICS, EvaluationHistory, check_history, finish_run
@@ -295,10 +295,9 @@ def main(config: GeneralistConfig) -> list[EvaluationResult]:
         SystemExit: an argument is invalid, or the run was interrupted; the message is one line.
     """
     started = time.monotonic()
-    if config.observation != "bounce_rays" or config.reward != "shaped":
-        raise SystemExit(
-            f"expected observation bounce_rays and reward shaped, received {config.observation} and {config.reward}."
-        )
+    for name, needed in (("observation", "bounce_rays"), ("reward", "shaped")):
+        if getattr(config, name) != needed:
+            raise SystemExit(f"{name}: expected {needed}, received {quote(getattr(config, name))}.")
     if config.difficulty is not None:
         raise SystemExit(
             f"difficulty: expected none, received {quote(config.difficulty)}; give --difficulties, one or more."
@@ -318,4 +317,4 @@ def main(config: GeneralistConfig) -> list[EvaluationResult]:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(GeneralistConfig, description=__doc__))
+    run_program(main, GeneralistConfig, __doc__)

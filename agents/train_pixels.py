@@ -1,6 +1,6 @@
 """Train PPO on images alone, with a small convolutional network, on the CPU.
 
-``python -m agents.train_pixels``. The default settings need 2.13 strokes after 3 minutes; random play needs 9.4.
+The default settings need 2.13 strokes after 3 minutes; random play needs 9.4.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from stable_baselines3.common.callbacks import BaseCallback, ProgressBarCallback
 from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 from stable_baselines3.common.vec_env import VecMonitor
 
+from agents.command_line import run_program
 from agents.run_evaluation import EvalCheckpointCallback, check_sb3_model, finish_run, load_best
 from agents.train_ppo import LogStdSchedule, PPOConfig, make_model
 from agents.training_run import (
@@ -112,4 +113,4 @@ def main(config: PixelsConfig) -> list[EvaluationResult]:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(PixelsConfig, description=__doc__))
+    run_program(main, PixelsConfig, __doc__)

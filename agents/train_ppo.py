@@ -1,7 +1,7 @@
 """Train stable-baselines3's PPO on a hole, and end with a table: random, search, PPO.
 
-``python -m agents.train_ppo`` starts a run, ``--resume runs/dogleg-1`` resumes one after an interruption, and
-``tensorboard --logdir runs`` shows the learning curves. docs/training.md explains the settings that matter.
+With ``--resume runs/dogleg-1`` a run continues after an interruption, and ``tensorboard --logdir runs`` shows the
+learning curves. The settings that matter are explained in docs/training.md.
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal, cast
 
 import torch
-import tyro
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback, ProgressBarCallback
 from stable_baselines3.common.utils import LinearSchedule
 from stable_baselines3.common.vec_env import VecMonitor
 
+from agents.command_line import run_program
 from agents.run_evaluation import EvalCheckpointCallback, check_sb3_model, finish_run, load_best
 from agents.training_run import (
     RICH_CONSOLE,
@@ -199,4 +199,4 @@ def train_until_learned(config: PPOConfig) -> list[EvaluationResult]:
 
 
 if __name__ == "__main__":
-    train_until_learned(tyro.cli(PPOConfig, description=__doc__))
+    run_program(train_until_learned, PPOConfig, __doc__)

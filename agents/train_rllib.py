@@ -1,11 +1,11 @@
 """Train Ray RLlib's PPO on a hole, on the cores of one or many machines, and end with a table: random, search, PPO.
 
-``python -m agents.train_rllib`` starts Ray on this machine, ``--address auto`` joins the cluster that this machine is a
-node of, and ``--resume runs/dogleg-1`` resumes a run after an interruption. docs/scaling.md has the commands for a
-cluster.
+Without options Ray starts on this machine; ``--address auto`` joins the cluster that this machine is a node of, and
+with ``--resume runs/dogleg-1`` a run continues after an interruption. The commands for a cluster are in
+docs/scaling.md.
 
-The run folder is that of every sample (training_run.py). Its models are in the format of stable-baselines3, so that
-``minigolf`` reads them without Ray. RLlib's own checkpoint, from which a run resumes, is checkpoint-TIMESTEPS.
+The run folder is that of every sample (training_run.py). Its models are in the format of stable-baselines3, so that the
+command ``minigolf`` reads them without Ray. RLlib's own checkpoint, from which a run resumes, is checkpoint-TIMESTEPS.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from typing import Any
 
 import gymnasium as gym
 import torch
-import tyro
 from rich.progress import MofNCompleteColumn, Progress
 from stable_baselines3 import PPO
 from stable_baselines3.common.logger import configure
 
 from agents.cluster import connect, import_ray
+from agents.command_line import run_program
 from agents.run_evaluation import EvalCheckpointCallback, check_history, finish_run
 from agents.train_ppo import PPOHyperparameters
 from agents.training_run import (
@@ -260,7 +260,8 @@ def train(config: RLlibConfig, folder: Path) -> None:
         num_cores = int(ray.cluster_resources()["CPU"])
         if config.num_env_runners + config.num_learners > num_cores:  # RLlib would wait for the cores for ever.
             raise SystemExit(
-                f"num_env_runners and num_learners: expected at most {num_cores} in all, the cores that Ray has."
+                f"num_env_runners: expected at most {num_cores - config.num_learners}, the cores that Ray has without "
+                f"those of num_learners, received {config.num_env_runners}."
             )
         trainer = RLlibTrainer(config, folder)
         try:
@@ -314,4 +315,4 @@ def main(config: RLlibConfig) -> list[EvaluationResult]:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(RLlibConfig, description=__doc__))
+    run_program(main, RLlibConfig, __doc__)

@@ -1,7 +1,7 @@
 """Train stable-baselines3's SAC, an off-policy algorithm, through the same adapter as PPO.
 
-``python -m agents.train_sac``. The default settings need 3.22 strokes after 8 minutes, where PPO needs 1.00 after half
-a minute: agents/train_ppo.py is the sample to start from.
+The default settings need 3.22 strokes after 8 minutes, where PPO needs 1.00 after half a minute: agents/train_ppo.py is
+the sample to start from.
 """
 
 from __future__ import annotations
@@ -12,11 +12,11 @@ import time
 from dataclasses import dataclass
 
 import torch
-import tyro
 from stable_baselines3 import SAC
 from stable_baselines3.common.callbacks import ProgressBarCallback
 from stable_baselines3.common.vec_env import VecMonitor
 
+from agents.command_line import run_program
 from agents.run_evaluation import EvalCheckpointCallback, check_sb3_model, finish_run, load_best
 from agents.training_run import (
     TrainConfig,
@@ -92,4 +92,4 @@ def main(config: SACConfig) -> list[EvaluationResult]:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(SACConfig, description=__doc__))
+    run_program(main, SACConfig, __doc__)

@@ -63,8 +63,8 @@ class TrainConfig:
     difficulty: str | None = None
     """Difficulty of generated levels: easy, medium or hard."""
     num_levels: int | None = None
-    """Number of generated levels to train on, from level 0 (at most 1,000,000, and below
-    ``eval_seed``); evaluations use other levels."""
+    """Number of generated levels to train on, from level 0: at most 1,000,000, and at most ``eval_seed``; evaluations
+    use other levels."""
     observation: str = "state"
     """Observation of the environment: state, rays, bounce_rays or pixels."""
     reward: str = "shaped"
@@ -215,8 +215,8 @@ def create_run_folder(config: TrainConfig) -> Path:
         shutil.rmtree(temporary, ignore_errors=True)
 
 
-def read_config(config_class: type[Config], folder: Path) -> Config:
-    """Return the configuration stored in a run folder.
+def read_config(config_class: type[Config], folder: Path, what: str = "resume") -> Config:
+    """Return the configuration stored in a run folder, which error messages call ``what``.
 
     Raises:
         SystemExit: the folder has no configuration, it cannot be read, or it belongs to another program.
@@ -224,18 +224,18 @@ def read_config(config_class: type[Config], folder: Path) -> Config:
     path = folder / "config.json"
     try:
         if not path.is_file():
-            raise SystemExit(f"resume: expected the folder of a run, {folder} has no {path.name}.")
+            raise SystemExit(f"{what}: expected the folder of a run, {folder} has no {path.name}.")
         stored = json.loads(path.read_text())
     except (OSError, ValueError, RecursionError) as error:
         raise SystemExit(
-            f"resume: expected the configuration of a run in {path}, received {error}; start a new run."
+            f"{what}: expected the configuration of a run in {path}, received {error}; start a new run."
         ) from error
     if not isinstance(stored, dict) or stored.keys() != {field.name for field in dataclasses.fields(config_class)}:
-        raise SystemExit(f"resume: expected a run of this program, {folder} has the configuration of another.")
+        raise SystemExit(f"{what}: expected a run of this program, {folder} has the configuration of another.")
     try:
         return cast(Config, check_types(config_class, stored))
     except ValueError as error:
-        raise SystemExit(f"resume: expected the configuration of a run in {path}, {error} Start a new run.") from error
+        raise SystemExit(f"{what}: expected the configuration of a run in {path}, {error} Start a new run.") from error
 
 
 def resume_hint(folder: Path) -> str:

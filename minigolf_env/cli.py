@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import argparse
+import inspect
 import os
 import sys
 from collections.abc import Sequence
 
 from minigolf_env import __version__
-from minigolf_env.apps.commands import COMMANDS_BY_NAME
+from minigolf_env.apps.command_line import name_option, parse
+from minigolf_env.apps.commands import COMMANDS_BY_NAME, OPTIONS_BY_ARGUMENT
 
 EXIT_FAILED = 1
 """Exit code of a command that failed; argparse and tyro exit with 2 after an invalid command line."""
@@ -38,13 +40,13 @@ def main(args: Sequence[str] | None = None) -> None:
     except BrokenPipeError:  # The reader of the output has closed it: `minigolf courses | head -3`.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except (ValueError, OSError, ImportError, MemoryError) as error:
-        sys.exit(_print_error(error, EXIT_FAILED))
+        sys.exit(_print_error(error, EXIT_FAILED, words))
     except RuntimeError as error:
         from minigolf_env.rendering import RenderingError
 
         if not isinstance(error, RenderingError):
             raise
-        sys.exit(_print_error(error, EXIT_NO_DISPLAY))
+        sys.exit(_print_error(error, EXIT_NO_DISPLAY, words))
     except KeyboardInterrupt:
         sys.exit(EXIT_INTERRUPTED)
 
@@ -72,13 +74,14 @@ def _run(words: Sequence[str]) -> None:
         subparsers.add_parser(name, help=str(command.__doc__).splitlines()[0], add_help=False)
     name = parser.parse_args(words[:1]).command
     # Run it.
-    import tyro
-
-    tyro.cli(COMMANDS_BY_NAME[name], prog=f"minigolf {name}", args=words[1:])
+    parse(COMMANDS_BY_NAME[name], words[1:], prog=f"minigolf {name}")
 
 
-def _print_error(error: Exception, exit_code: int) -> int:
-    print(f"minigolf: {str(error) or NO_MEMORY_MESSAGE}", file=sys.stderr)
+def _print_error(error: Exception, exit_code: int, words: Sequence[str]) -> int:
+    """Print an error of the command in a command line, and return the exit code."""
+    options = inspect.signature(COMMANDS_BY_NAME[words[0]]).parameters
+    message = name_option(str(error) or NO_MEMORY_MESSAGE, options, OPTIONS_BY_ARGUMENT)
+    print(f"minigolf: {message}", file=sys.stderr)
     return exit_code
 
 

@@ -127,7 +127,7 @@ def courses(pictures: Path | None = None) -> None:
 
 
 def check(file: Annotated[str, tyro.conf.Positional], preview: Path | None = None) -> None:
-    """Check a hole of your own and print its errors; exit with 0 if there are none, else with 1.
+    """Check a hole of your own and print its errors; the exit code is 1 if it has any.
 
     $ minigolf check my_hole.toml
     $ minigolf check my_hole.glb --preview my_hole.png
@@ -191,11 +191,11 @@ def evaluate(
     watch: bool = False,
     json: Path | None = None,
 ) -> None:
-    """Evaluate a policy on a hole or on levels: strokes over fixed seeds, with confidence intervals.
+    """Evaluate a policy on a hole or on levels, with confidence intervals.
 
     $ minigolf evaluate --policy ppo
-    $ minigolf evaluate --policy runs/dogleg-1/best.zip --episodes 1000 --json score.json
-    $ minigolf evaluate --policy search --course procedural --difficulty medium --watch
+    $ minigolf evaluate --policy runs/dogleg-1/best.zip --json score.json
+    $ minigolf evaluate --course procedural --difficulty medium --watch
 
     Args:
         policy: "search", "random", "ppo", "generalist" or a model's .zip or .npz file.
@@ -242,7 +242,7 @@ def benchmark(
     seed: int = 0,
     json: Path | None = None,
 ) -> None:
-    """Evaluate a policy on fixed training levels and held-out levels, and compare it with search.
+    """Evaluate a policy on training levels and held-out levels, relative to search.
 
     $ minigolf benchmark --policy random --difficulty easy --levels 20
     $ minigolf benchmark --policy runs/procedural-1/best.npz --json scores.json
@@ -288,3 +288,15 @@ COMMANDS_BY_NAME: dict[str, Callable[..., None]] = {
     "benchmark": benchmark,
 }
 """The commands by the name that a user types."""
+
+OPTIONS_BY_ARGUMENT = {
+    "level": "first_seed",
+    "model": "policy",
+    "policy": "opponent",
+    "position": "tee",
+    "render_size": "size",
+    "seed": "first_seed",
+    "start_level": "first_seed",
+}
+"""Options by the arguments that they are passed on as, by which errors name them: a policy is a model's file in some
+commands, and the opponent in another."""

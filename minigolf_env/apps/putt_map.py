@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from minigolf_env._atomic_io import atomic_write
-from minigolf_env._validation import one_of
+from minigolf_env._validation import integer, one_of
 from minigolf_env.courses import Course, load_course
 from minigolf_env.envs.config import build_task, check_position
 from minigolf_env.envs.task import Outcome, Result
@@ -24,6 +24,9 @@ NUM_MAP_DIRECTIONS = 720
 
 NUM_MAP_SPEEDS = 140
 """Default number of speeds of a map; with the default directions these are 100,800 putts."""
+
+MAX_MAP_ROWS = 9_999_999
+"""Largest number of directions, and of speeds: the names of the files of agents.putt_map have seven digits."""
 
 PUTTS_PER_PROGRESS_UPDATE = 3600
 """Number of putts between two updates of the progress bar."""
@@ -74,10 +77,11 @@ def simulate_putts(
             directions are simulated together or in parts.
 
     Raises:
-        ValueError: there is no such course, the ball cannot be placed there, or directions or speeds are below 1.
+        ValueError: there is no such course, the ball cannot be placed there, or directions or speeds are not from 1
+            to MAX_MAP_ROWS.
     """
-    if directions < 1 or speeds < 1:
-        raise ValueError(f"map: expected directions and speeds >= 1, received {(directions, speeds)}.")
+    integer(directions, "directions", 1, MAX_MAP_ROWS)
+    integer(speeds, "speeds", 1, MAX_MAP_ROWS)
     # Place the ball.
     loaded = load_course(course)
     task = build_task(loaded)

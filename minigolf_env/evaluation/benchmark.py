@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from minigolf_env._validation import one_of
+from minigolf_env._validation import integer, one_of
 from minigolf_env.courses.procedural import DIFFICULTY_NAMES, PROCEDURAL_COURSE
 from minigolf_env.envs import MiniGolfEnv, MiniGolfVectorEnv
 from minigolf_env.envs.config import ignore_unseen_levels
@@ -74,8 +74,8 @@ def benchmark(
         ValueError, FileNotFoundError, ImportError: there is no such policy or difficulty, or ``num_levels`` is not
             from 1 to NUM_EVALUATION_SEEDS, so that the sets do not overlap.
     """
-    if not 1 <= num_levels <= NUM_EVALUATION_SEEDS:
-        raise ValueError(f"levels: expected 1 to {NUM_EVALUATION_SEEDS}, received {num_levels}.")
+    integer(num_levels, "levels", 1, NUM_EVALUATION_SEEDS)
+    integer(seed, "seed", 0)
     if not difficulties:
         raise ValueError(f"difficulty: expected one or more of {', '.join(DIFFICULTY_NAMES)}, received none.")
     checked = [one_of(difficulty, DIFFICULTY_NAMES, "difficulty") for difficulty in difficulties]

@@ -10,12 +10,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from tqdm import tqdm
 
-from minigolf_env._validation import one_of, quote
+from minigolf_env._validation import integer, one_of, quote
 from minigolf_env.courses.procedural import DIFFICULTY_NAMES, PROCEDURAL_COURSE
 from minigolf_env.envs import MiniGolfEnv, MiniGolfVectorEnv, round_reset_options
 from minigolf_env.envs.config import ignore_unseen_levels
 from minigolf_env.envs.samplers import LevelSampler
-from minigolf_env.evaluation import FIRST_EVALUATION_SEED
+from minigolf_env.evaluation import FIRST_EVALUATION_SEED, NUM_EVALUATION_SEEDS
 from minigolf_env.evaluation.rollout import EpisodeResult, run_episode, run_episodes_batched
 from minigolf_env.evaluation.statistics import Interval, mean_interval, wilson_interval
 from minigolf_env.players.policies import BatchPolicy, Policy, warn_if_untrained
@@ -80,7 +80,7 @@ def evaluate(
         policy_name: name of the policy in the result and the progress bar.
         course: the hole, a name or a file; "round" for its nine holes in turn; "procedural" for levels.
         difficulty: difficulty of the levels; only with "procedural".
-        episodes: number of episodes, at least 1.
+        episodes: number of episodes, from 1 to NUM_EVALUATION_SEEDS.
         first_seed: episode i is seeded with first_seed + i, or is played on the level of that number.
         max_strokes: largest number of strokes of an episode.
         putt_noise: standard deviations of a putt's direction (degrees) and speed (fraction of it).
@@ -92,10 +92,8 @@ def evaluate(
         RenderingError: ``watch`` is True and there is no display.
     """
     # Check the arguments.
-    if episodes < 1:
-        raise ValueError(f"episodes: expected at least 1, received {episodes}.")
-    if first_seed < 0:
-        raise ValueError(f"first_seed: expected at least 0, received {first_seed}.")
+    integer(episodes, "episodes", 1, NUM_EVALUATION_SEEDS)
+    integer(first_seed, "first_seed", 0)
     env_args: dict[str, Any] = {"max_strokes": max_strokes, "putt_noise": putt_noise}
     env_args["observation"] = policy.observation
     if course == PROCEDURAL_COURSE:

@@ -11,7 +11,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from minigolf_env._validation import one_of, quote
+from minigolf_env._validation import integer, one_of, quote
 from minigolf_env.courses import ROUND_COURSE, ROUND_HOLES
 from minigolf_env.courses.procedural import PROCEDURAL_COURSE
 from minigolf_env.envs import MiniGolfEnv
@@ -61,15 +61,13 @@ class RandomPolicy:
         seed: seed of the policy's own random numbers, at least 0.
 
     Raises:
-        ValueError: the seed is below 0.
+        ValueError: the seed is not an integer of at least 0.
     """
 
     observation = "state"
 
     def __init__(self, seed: int = 0) -> None:
-        if seed < 0:
-            raise ValueError(f"seed: expected at least 0, received {seed}.")
-        self._rng = np.random.default_rng(seed)
+        self._rng = np.random.default_rng(integer(seed, "seed", 0))
 
     def act(self, observation: NDArray[Any], env: MiniGolfEnv) -> Action:
         """Return a random putt (2,)."""

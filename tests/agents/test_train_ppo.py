@@ -22,7 +22,7 @@ from stable_baselines3 import PPO
 from agents import train_ppo
 from agents.run_evaluation import EvalCheckpointCallback
 from agents.train_ppo import LogStdSchedule, PPOConfig
-from agents.training_run import TrainConfig, create_run_folder, save_on_interrupt, start_run
+from agents.training_run import TrainConfig, create_run_folder, save_on_interrupt
 
 TINY = PPOConfig(
     total_timesteps=256,
@@ -193,18 +193,6 @@ def test_rejects_resuming_damaged_configuration(tmp_path: Path, text: str) -> No
     (tmp_path / "config.json").write_bytes(text.encode("latin-1"))
     with pytest.raises(SystemExit, match=r"resume: expected .*run"):
         train_ppo.main(PPOConfig(resume=tmp_path))
-
-
-def test_rejects_folder_that_cannot_be_created(tmp_path: Path) -> None:
-    """The message has the system's reason and what to do."""
-    (tmp_path / "file").touch()
-    with pytest.raises(SystemExit, match=r"out: expected a folder to write to, received .*choose another folder"):
-        start_run(dataclasses.replace(TINY, out=tmp_path / "file" / "run"), accept_any_model)
-    (tmp_path / "loop").symlink_to(tmp_path / "loop")
-    for out in (tmp_path / "loop", tmp_path / "loop" / "run", tmp_path / ("x" * 300)):
-        with pytest.raises(SystemExit, match=r"out: expected"):
-            start_run(dataclasses.replace(TINY, out=out), accept_any_model)
-    assert {path.name for path in tmp_path.iterdir()} == {"file", "loop"}
 
 
 def accept_any_model(config: TrainConfig, folder: Path | None) -> None:

@@ -101,7 +101,7 @@ def test_command_exit_codes(
     assert len(decode(tmp_path / "a.gif", SIZE)) > 5
     assert run_video_command(monkeypatch, "-o", "a.gif", "--policy", "serch") == 1
     error = capsys.readouterr().err.splitlines()[-1]
-    assert error.startswith("minigolf: policy") and error.endswith("did you mean 'search'?")
+    assert error.startswith("minigolf: --policy") and error.endswith("did you mean 'search'?")
     assert run_video_command(monkeypatch, "-o", "a.gif", "--polcy", "search") == 2
 
     def no_opengl(*args: object, **options: object) -> None:

@@ -57,8 +57,8 @@ def test_batch_policy_gets_same_results_as_single_policy(monkeypatch: pytest.Mon
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"num_levels": 0}, "levels: expected 1 to 1000000, received 0"),
-        ({"num_levels": 10**12}, "levels: expected 1 to 1000000, received 1000000000000"),
+        ({"num_levels": 0}, "levels: expected an integer from 1 to 1000000, received 0"),
+        ({"num_levels": 10**12}, "levels: expected an integer from 1 to 1000000, received 1000000000000"),
         ({"difficulties": ("hrad",)}, "did you mean 'hard'"),
         ({"policy_name": "serach"}, "did you mean 'search'"),
     ],

@@ -81,10 +81,10 @@ def test_search_scores_better_than_random() -> None:
     [
         (["--policy", "serch"], "did you mean 'search'"),
         (["--policy", "no.zip"], "there is none at no.zip"),
-        (["--episodes", "0"], "episodes: expected at least 1"),
+        (["--episodes", "0"], "--episodes: expected an integer from 1"),
         (["--difficulty", "easy"], "course='procedural'"),
-        (["--first-seed", "-5"], "first_seed: expected at least 0"),
-        (["--putt-noise", "-1", "0"], "putt_noise"),
+        (["--first-seed", "-5"], "--first-seed: expected an integer >= 0"),
+        (["--putt-noise", "-1", "0"], "--putt-noise"),
     ],
 )
 def test_command_reports_invalid_argument_without_traceback(
