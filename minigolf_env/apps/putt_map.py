@@ -18,6 +18,7 @@ from minigolf_env.envs.task import Outcome, Result
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.cm import ScalarMappable
 
 NUM_MAP_DIRECTIONS = 720
 """Default number of directions of a map: one every half degree."""
@@ -30,6 +31,9 @@ MAX_MAP_ROWS = 9_999_999
 
 PUTTS_PER_PROGRESS_UPDATE = 3600
 """Number of putts between two updates of the progress bar."""
+
+DISTANCE_GREYS = ("#f2f2f2", "#595959")
+"""Colours of a putt that ends where it started, and of the one that ends farthest away."""
 
 MATERIAL_MAP_COLORS = {
     "felt": "#a9cf9a",
@@ -154,12 +158,21 @@ def draw_map(axes: Axes, course: Course, putts: PuttOutcomes) -> None:
     axes.set_title(f"{course.name}: {putts.outcome.result.size:,} putts, {holed:.2%} of them holes in one")
 
 
-def draw_polar(axes: Axes, putts: PuttOutcomes) -> None:
-    """Draw the outcomes over speed and direction: holed red, out of bounds blue, others by how far away they end."""
+def draw_polar(axes: Axes, putts: PuttOutcomes) -> ScalarMappable:
+    """Draw the outcomes over speed and direction: holed red, out of bounds blue, others by how far away they end.
+
+    Returns:
+        The greys of the distances, m, for a colour bar.
+    """
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import LinearSegmentedColormap, Normalize
+
     result = putts.outcome.result
     ends = putts.outcome.position
     distance = np.hypot(ends[..., 0] - putts.start[0], ends[..., 1] - putts.start[1])
-    image = np.repeat((0.95 - 0.6 * distance / max(float(distance.max()), 1e-9))[..., None], 3, axis=-1)
+    colormap = LinearSegmentedColormap.from_list("distances", DISTANCE_GREYS)
+    greys = ScalarMappable(Normalize(0.0, max(float(distance.max()), 1e-9)), colormap)
+    image = greys.to_rgba(distance)[..., :3]
     image[result == Result.OUT_OF_BOUNDS] = 0.55, 0.72, 0.85
     image[result == Result.HOLED] = 0.85, 0.10, 0.10
     extent = (0.0, float(putts.speeds[-1]), 0.0, 360.0)
@@ -167,6 +180,7 @@ def draw_polar(axes: Axes, putts: PuttOutcomes) -> None:
     axes.set_xlabel("speed (m/s)")
     axes.set_ylabel("direction (degrees)")
     axes.set_title("red: holed, blue: out of bounds,\ngrey: the darker the farther", fontsize=9)
+    return greys
 
 
 def write_map(
@@ -194,6 +208,7 @@ def write_map(
         putts = simulate_putts(loaded, tee, directions, speeds, progress)
         left, right = figure.subplots(1, 2, width_ratios=(2.2, 1.0))
         draw_map(left, loaded, putts)
-        draw_polar(right, putts)
+        greys = draw_polar(right, putts)
+        figure.colorbar(greys, ax=right, label="distance from the ball to where the putt ends (m)")
         figure.savefig(temp_path, dpi=90)
     return putts

@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 import operator
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from minigolf_env._validation import quote
+from minigolf_env._validation import positive_number, quote
 
 Image = NDArray[np.uint8]
 """An array (height, width, 3) of RGB values, the first row at the top."""
@@ -34,11 +35,14 @@ def tile(images: Sequence[Image], aspect: float = 1.0) -> Image:
         aspect: desired width / height of the grid; the number of columns that comes closest is chosen.
 
     Raises:
-        ValueError: there are no images, or their sizes differ.
+        ValueError: there are no images, one is no image, their sizes differ, or the aspect is not a number > 0.
     """
+    for k, image in enumerate(images):
+        _check_image(image, f"images[{k}]")
+    positive_number(aspect, "aspect", "1 makes the grid about square.")
     shapes = {image.shape for image in images}
     if len(shapes) != 1:
-        raise ValueError(f"tile: expected images of one size, at least one, received {sorted(shapes)}.")
+        raise ValueError(f"images: expected one size, at least one image, received {quote(sorted(shapes))}.")
     height, width, channels = shapes.pop()
     columns = _num_columns(len(images), width / height, aspect)
     rows = math.ceil(len(images) / columns)
@@ -57,12 +61,24 @@ def tile_sequences(sequences: Sequence[Sequence[Image]], aspect: float = 1.0) ->
         aspect: desired width / height of the grid.
 
     Raises:
-        ValueError: a sequence is empty, or the sizes of the frames differ.
+        ValueError: a sequence is empty, or as for ``tile``.
     """
-    if not all(sequences):
-        raise ValueError(f"sequences: expected at least one frame in each, received {[len(s) for s in sequences]}.")
-    for k in range(max(map(len, sequences), default=0)):
+    lengths = [len(sequence) for sequence in sequences]
+    if not all(lengths):
+        raise ValueError(f"sequences: expected at least one frame in each, received {quote(lengths)}.")
+    for k in range(max(lengths, default=0)):
         yield tile([sequence[min(k, len(sequence) - 1)] for sequence in sequences], aspect)
+
+
+def _check_image(image: Any, name: str) -> None:
+    """Raise a ValueError that calls a value ``name`` unless it is an image with pixels."""
+    if not isinstance(image, np.ndarray):
+        raise ValueError(f"{name}: expected an array (height, width, 3), received {quote(image)}; use numpy.array.")
+    if image.ndim != 3 or image.shape[2] != 3 or image.size == 0 or image.dtype != np.uint8:
+        raise ValueError(
+            f"{name}: expected uint8 of shape (height, width, 3), received {image.dtype} of {image.shape}; "
+            "give RGB images of at least one pixel."
+        )
 
 
 def _num_columns(n: int, image_aspect: float, aspect: float) -> int:

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from minigolf_env import cli
-from minigolf_env.apps.putt_map import draw_map, simulate_putts, write_map
+from minigolf_env.apps.putt_map import draw_map, draw_polar, simulate_putts, write_map
 from minigolf_env.courses import load_course
-from minigolf_env.envs import MiniGolfEnv
+from minigolf_env.envs import MiniGolfEnv, Result
 
 
 def test_outcomes_match_environment() -> None:
@@ -44,6 +44,25 @@ def test_writes_map_and_draws_it_on_axes(tmp_path: Path) -> None:
     draw_map(axes, load_course("islands"), putts)
     assert "144 putts" in axes.get_title()
     assert [text.get_text() for text in axes.get_legend().get_texts()] == ["where a putt ends", "ball", "cup"]
+
+
+def test_greys_of_the_colour_bar_are_those_of_the_distances(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The written map has a colour bar, whose colour at a distance is that of the putts that end there."""
+    from matplotlib.figure import Figure
+
+    figures: list[Figure] = []
+    monkeypatch.setattr(Figure, "savefig", lambda figure, *_, **__: figures.append(figure))
+    putts = write_map(tmp_path / "map.png", "dogleg", directions=24, speeds=6)
+    left, right, bar = figures[0].axes
+    assert bar.get_ylabel() == "distance from the ball to where the putt ends (m)"
+    assert (left.get_xlabel(), right.get_xlabel()) == ("x (m)", "speed (m/s)")
+    distances = np.linalg.norm(putts.outcome.position - putts.start, axis=-1)
+    assert bar.get_ylim() == (0.0, pytest.approx(distances.max(), rel=1e-3))
+    image = np.asarray(right.images[0].get_array())
+    at_rest = putts.outcome.result == Result.REST
+    greys = draw_polar(Figure().subplots(), putts).to_rgba(distances[at_rest])
+    assert np.allclose(image[at_rest], greys[:, :3], rtol=0.0, atol=0.01)
+    assert np.ptp(greys[:, 0]) > 0.3 and not np.ptp(greys[:, :3], axis=1).any()
 
 
 def test_rejects_tee_inside_wall() -> None:

@@ -54,6 +54,41 @@ def test_tile_rejects_no_images_and_different_sizes() -> None:
         tile([*numbered_images(1), *numbered_images(1, 3)])
 
 
+@pytest.mark.parametrize(
+    ("image", "message"),
+    [
+        ([[[0, 0, 0]]], r"an array \(height, width, 3\), received \[\[\[0, 0, 0\]\]\]"),
+        (None, "received None"),
+        (np.zeros((0, 2, 3), np.uint8), r"received uint8 of \(0, 2, 3\)"),
+        (np.zeros((2, 0, 3), np.uint8), r"received uint8 of \(2, 0, 3\)"),
+        (np.zeros((2, 2), np.uint8), r"received uint8 of \(2, 2\)"),
+        (np.zeros((2, 2, 4), np.uint8), r"received uint8 of \(2, 2, 4\)"),
+        (np.zeros((2, 2, 3)), r"received float64 of \(2, 2, 3\)"),
+    ],
+)
+def test_tile_rejects_what_is_no_image(image: Any, message: str) -> None:
+    """The message has the index; a sequence of such frames is an error as well."""
+    with pytest.raises(ValueError, match=r"images\[1\]: expected .*" + message):
+        tile([*numbered_images(1), image])
+    with pytest.raises(ValueError, match=r"images\[0\]: expected .*" + message):
+        list(tile_sequences([[image]]))
+
+
+@pytest.mark.parametrize("aspect", [0.0, -1.0, float("nan"), float("inf"), "wide"])
+def test_tile_rejects_impossible_aspects(aspect: Any) -> None:
+    """Not with an error of the logarithm."""
+    with pytest.raises(ValueError, match="aspect: expected"):
+        tile(numbered_images(2), aspect)
+
+
+def test_tile_takes_arrays_of_images() -> None:
+    """An array (N, height, width, 3) is as good as a list, and so is one of frames."""
+    images = np.array(numbered_images(4))
+    assert np.array_equal(tile(images), tile(numbered_images(4)))  # type: ignore[arg-type]
+    grids = zip(tile_sequences([images]), tile_sequences([numbered_images(4)]), strict=True)  # type: ignore[list-item]
+    assert all(np.array_equal(first, second) for first, second in grids)
+
+
 def test_tile_sequences_repeats_the_last_frame_of_shorter_sequences() -> None:
     """The result is as long as the longest sequence; empty sequences are an error."""
     first, second, third = numbered_images(3)
