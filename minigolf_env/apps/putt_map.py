@@ -153,7 +153,8 @@ def draw_map(axes: Axes, course: Course, putts: PuttOutcomes) -> None:
     axes.plot(x, y, "o", color="white", markeredgecolor="black", markersize=6, label="ball")
     if course.cup is not None:
         axes.plot(*course.cup.position[:2], "o", color="#c22121", markersize=5, label="cup")
-    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=3, frameon=False, fontsize=9)
+    # Below the label of the x axis, at the same distance for narrow and for wide courses.
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, 0.0), borderaxespad=4.5, ncols=3, frameon=False, fontsize=9)
     holed = float(putts.outcome.holed.mean())
     axes.set_title(f"{course.name}: {putts.outcome.result.size:,} putts, {holed:.2%} of them holes in one")
 

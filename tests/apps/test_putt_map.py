@@ -65,6 +65,20 @@ def test_greys_of_the_colour_bar_are_those_of_the_distances(tmp_path: Path, monk
     assert np.ptp(greys[:, 0]) > 0.3 and not np.ptp(greys[:, :3], axis=1).any()
 
 
+@pytest.mark.parametrize("course", ["halfpipe", "funnel"])
+def test_legend_covers_no_label(course: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """On a wide course as on one that is about square."""
+    from matplotlib.figure import Figure
+
+    figures: list[Figure] = []
+    monkeypatch.setattr(Figure, "savefig", lambda figure, *_, **__: figures.append(figure))
+    write_map(tmp_path / "map.png", course, directions=4, speeds=2)
+    figures[0].draw_without_rendering()
+    left = figures[0].axes[0]
+    legend = left.get_legend().get_window_extent()
+    assert legend.y0 > 0.0 and legend.y1 < left.xaxis.label.get_window_extent().y0
+
+
 def test_rejects_tee_inside_wall() -> None:
     """The error message is that of the environment."""
     with pytest.raises(ValueError, match="expected a ball in free space"):
