@@ -411,6 +411,8 @@ def test_limits_are_inclusive() -> None:
         Limits(cells=largest).check_cells(box, cell)
         with pytest.raises(CourseError, match=f"at most {largest - 1} cells, received {size}"):
             Limits(cells=largest - 1).check_cells(box, cell)
+    with pytest.raises(CourseError, match="received 6 x inf"):
+        Limits().check_cells((1, 1, 7, 4), (1, 1e-320))
     for text, name in ((False, "file_bytes"), (True, "text_bytes")):
         with pytest.raises(CourseError, match=rf"load it with limits=Limits\({name}=\.\.\.\)"):
             limits.check_bytes("file", 101, text)

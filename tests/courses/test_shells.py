@@ -126,3 +126,35 @@ def test_open_mesh_names_a_place_and_an_edge() -> None:
     missing = cube.vertices[cube.faces[-1]]
     edges = [(tuple(missing[k].tolist()), tuple(missing[k - 1].tolist())) for k in range(3)]
     assert any(f"edge from {start} to {end}" in str(error.value) for start, end in edges)
+
+
+def test_shells_without_volume_are_compared_with_no_other(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A polygon that names one corner 3,000 times is that many triangles at one place."""
+    monkeypatch.setattr(shells, "MAX_BOX_PAIRS", 10)
+    points = Trimesh(np.zeros((3, 3)), np.zeros((3000, 3), np.int64), process=False)
+    assert orient_shells(points) is points
+
+
+def test_number_of_compared_shells_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Copies of a shell at one place are each in the others' boxes."""
+    copies = join(*[box(1.0)] * 10)
+    monkeypatch.setattr(shells, "_split_into_shells", lambda *_: np.arange(120).reshape(10, 12))
+    monkeypatch.setattr(shells, "MAX_BOX_PAIRS", 100)
+    orient_shells(copies)
+    monkeypatch.setattr(shells, "MAX_BOX_PAIRS", 99)
+    with pytest.raises(CourseError, match="few pieces lie within the boxes around others, received one of 10 pieces"):
+        orient_shells(copies)
+
+
+def test_corners_of_a_shell_are_sampled_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A shell within many others is tested with the same corners in each."""
+    sampled = []
+    sample_corners = shells._sample_corners
+
+    def count_samples(triangles: np.ndarray) -> np.ndarray:
+        sampled.append(len(triangles))
+        return sample_corners(triangles)
+
+    monkeypatch.setattr(shells, "_sample_corners", count_samples)
+    orient_shells(join(*(box(1.0 + k) for k in range(10))))
+    assert sampled == [12] * 9

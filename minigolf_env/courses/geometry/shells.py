@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterator
 
 import numpy as np
@@ -14,6 +15,9 @@ from minigolf_env.physics import TriangleMesh
 
 MAX_SOLID_ANGLES = 100_000_000
 """Largest number of solid angles, of a triangle seen from a corner, that are computed to find shells within others."""
+
+MAX_BOX_PAIRS = 20_000_000
+"""Largest number of pairs of shells, of which one has its middle in the other's box, that are compared."""
 
 MAX_SOLID_ANGLES_AT_ONCE = 50_000
 """Largest number of solid angles that are computed together, unless a shell alone has more."""
@@ -157,22 +161,20 @@ def _count_enclosing_shells(corners: NDArray[np.float64], shells: list[NDArray[n
     """Return for each shell the number of shells that it is within.
 
     Raises:
-        CourseError: too many solid angles would have to be computed.
+        CourseError: too many pairs of shells would have to be compared, or too many solid angles computed.
     """
     depths = np.zeros(len(shells), np.int64)
     num_solid_angles = 0
+    sample_corners = functools.cache(lambda shell: _sample_corners(corners[shells[shell]]))
     for outer, inners in _nested_boxes(corners, shells):
         triangles = corners[shells[outer]]
         solid = TriangleMesh(triangles.reshape(-1, 3), np.arange(3 * len(triangles)).reshape(-1, 3))
         # Most shells that are outside have their first corner outside.
         for is_first in (True, False):
-            tested = [_corners_to_test(corners[shells[inner]], is_first) for inner in inners]
+            tested = [corners[shells[inner][0], :1] if is_first else sample_corners(inner) for inner in inners]
             num_solid_angles += len(triangles) * sum(len(points) for points in tested)
             if num_solid_angles > MAX_SOLID_ANGLES:
-                raise CourseError(
-                    "expected a mesh of which few pieces lie within the boxes around others, received one of "
-                    f"{len(shells)} pieces; export them as objects of their own, or simplify the large ones."
-                )
+                raise _too_many_pieces(len(shells))
             inside = _are_inside(solid, np.concatenate([np.empty((0, 3)), *tested]))
             bounds = np.cumsum([len(points) for points in tested])[:-1]
             inners = [inner for inner, each in zip(inners, np.split(inside, bounds), strict=True) if each.all()]
@@ -182,10 +184,15 @@ def _count_enclosing_shells(corners: NDArray[np.float64], shells: list[NDArray[n
     return depths
 
 
-def _corners_to_test(triangles: NDArray[np.float64], is_first: bool) -> NDArray[np.float64]:
-    """Return the first corner (1, 3) of a shell, or several (N, 3) of all, m."""
-    if is_first:
-        return triangles[0, :1]
+def _too_many_pieces(num_shells: int) -> CourseError:
+    return CourseError(
+        "expected a mesh of which few pieces lie within the boxes around others, received one of "
+        f"{num_shells} pieces; export them as objects of their own, or simplify the large ones."
+    )
+
+
+def _sample_corners(triangles: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return several corners (N, 3) of a shell's triangles, m."""
     corners = np.unique(triangles.reshape(-1, 3), axis=0)
     return corners[:: -(-len(corners) // MAX_TESTED_CORNERS)]
 
@@ -198,13 +205,22 @@ def _are_inside(solid: TriangleMesh, points: NDArray[np.float64]) -> NDArray[np.
 
 
 def _nested_boxes(corners: NDArray[np.float64], shells: list[NDArray[np.int64]]) -> Iterator[tuple[int, list[int]]]:
-    """Yield each shell in whose bounding box others lie, with the others."""
+    """Yield each shell in whose bounding box others lie, with the others.
+
+    Raises:
+        CourseError: too many pairs of shells would have to be compared.
+    """
     lower = np.array([corners[rows].min(axis=(0, 1)) for rows in shells])
     upper = np.array([corners[rows].max(axis=(0, 1)) for rows in shells])
+    middles = (lower + upper) / 2.0
+    tree = shapely.STRtree(shapely.points(middles[:, :2]))
     boxes = shapely.box(*lower[:, :2].T, *upper[:, :2].T)
-    tree = shapely.STRtree(boxes)
-    for outer, box in enumerate(boxes):
-        inside = tree.query(box, predicate="contains")
+    num_pairs = 0
+    for outer in np.flatnonzero((lower < upper).all(axis=1)).tolist():
+        inside = tree.query(boxes[outer])
+        num_pairs += len(inside)
+        if num_pairs > MAX_BOX_PAIRS:
+            raise _too_many_pieces(len(shells))
         is_nested = (lower[outer] < lower[inside]).all(axis=1) & (upper[inside] < upper[outer]).all(axis=1)
         if is_nested.any():
             yield outer, inside[is_nested].tolist()

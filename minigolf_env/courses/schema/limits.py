@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
+
+import numpy as np
 
 from minigolf_env.courses.course import CourseError
 
@@ -51,12 +52,12 @@ class Limits:
             box: the grid's bounding box (min x, min y, max x, max y), m.
             cell: the size of a cell along x and y, m.
         """
-        columns = math.ceil((box[2] - box[0]) / cell[0])
-        rows = math.ceil((box[3] - box[1]) / cell[1])
+        columns = float(np.ceil((box[2] - box[0]) / cell[0]))  # Infinite for the smallest numbers.
+        rows = float(np.ceil((box[3] - box[1]) / cell[1]))
         # The triangles between the cells and the outline are as narrow as the cells.
         seam = 2 * (columns + rows) * max(cell) / min(cell)
         if columns * rows + seam > self.cells:
             raise CourseError(
-                f"cell: expected at most {self.cells} cells, received {columns} x {rows}; "
+                f"cell: expected at most {self.cells} cells, received {columns:.0f} x {rows:.0f}; "
                 "enlarge `cell`, or load it with limits=Limits(cells=...)."
             )
