@@ -105,6 +105,11 @@ def finite_array(
     return array
 
 
+def count_axes(value: Any) -> int:
+    """Return the number of axes of an array or of nested lists; rows of different lengths are no axis."""
+    return np.ndim(value if hasattr(value, "ndim") else np.asarray(value, dtype=object))
+
+
 def _holds_texts(value: Sequence[Any]) -> bool:
     """Return whether there are texts in a list: numpy would make each as wide as the longest, whatever that takes."""
     types = set(map(type, np.asarray(value, dtype=object).ravel()))

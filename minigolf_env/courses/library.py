@@ -80,11 +80,13 @@ def load_course(name: str | Path | Course, cup_radius: float | None = None, limi
     """
     if isinstance(name, Course):
         return _check_unchanged(name, cup_radius)
-    if is_level_name(name):
-        return load_level(str(name), cup_radius)
     try:
         radius = None if cup_radius is None else positive_number(cup_radius, "cup_radius", "the rules have 0.054 m.")
+        if is_level_name(name):
+            return load_level(str(name), radius)
         path = _find_file(name)
+    except CourseError:
+        raise
     except ValueError as error:
         raise CourseError(str(error)) from error
     limits = limits or Limits()

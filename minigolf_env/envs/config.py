@@ -17,7 +17,7 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import ArrayLike, NDArray
 
-from minigolf_env._validation import closest_choice, finite_array, integer, one_of, positive_number, quote
+from minigolf_env._validation import closest_choice, count_axes, finite_array, integer, one_of, positive_number, quote
 from minigolf_env.courses import ROUND_COURSE, ROUND_HOLES, Course, list_courses, load_course
 from minigolf_env.courses.library import ROOM_NAMES
 from minigolf_env.courses.procedural import (
@@ -54,6 +54,9 @@ ARGUMENT_HINTS = {
     "hole": 'course="round" plays nine holes, reset(options={"hole": 3}) one of them.',
 }
 """Advice about arguments that environments of other packages have."""
+
+MAX_STROKES = 2**63 - 1
+"""Largest value of the argument "max_strokes": int64 counts strokes."""
 
 TEE_CHOICES = ("random", "fixed")
 """Values of the argument "tee": where an episode starts."""
@@ -187,13 +190,14 @@ def build_task_sampler(
     """
     level_arguments = {"difficulty": difficulty, "start_level": start_level, "num_levels": num_levels}
     given: dict[str, Any] = {name: value for name, value in level_arguments.items() if value is not None}
-    if course != PROCEDURAL_COURSE:
+    name = course if isinstance(course, str) else None
+    if name != PROCEDURAL_COURSE:
         if given:
             raise ValueError(
                 f"{', '.join(given)}: expected with course={quote(PROCEDURAL_COURSE)} only, "
-                f"received {given} with {quote(course)}."
+                f"received {quote(given)} with {quote(course)}."
             )
-        return _build_round(rules) if course == ROUND_COURSE else SingleTask(build_task(_check_name(course), **rules))
+        return _build_round(rules) if name == ROUND_COURSE else SingleTask(build_task(_check_name(course), **rules))
     difficulty = one_of(given.get("difficulty", DIFFICULTY_NAMES[0]), DIFFICULTY_NAMES, "difficulty")
     build = functools.partial(_build_level, difficulty, rules)
     levels = LevelSampler(build, given.get("start_level", 0), given.get("num_levels", 500))
@@ -228,7 +232,7 @@ def build_task(
     world = _cached_world(
         loaded, positive_number(dt, "dt", "1/120 s suits minigolf."), one_of(impact, IMPACT_MODELS, "impact")
     )
-    strokes = integer(max_strokes, "max_strokes", 1)
+    strokes = integer(max_strokes, "max_strokes", 1, MAX_STROKES)
     return Task(
         course=loaded,
         holes=compile_hole(loaded, speed, strokes, world.num_steps_for(MAX_PUTT_TIME)),
@@ -318,11 +322,11 @@ def check_mask(mask: Any, n: int) -> NDArray[np.int64]:
 
 def one_per_env(value: Any, n: int, what: str) -> list[Any]:
     """Return a sequence of n values, one for each environment, as a list, or raise a ValueError."""
-    values = list(value) if isinstance(value, (Sequence, np.ndarray)) and not isinstance(value, str) else None
-    if values is None or len(values) != n:
-        received = f"{quote(value)}" if values is None else f"{len(values)}"
+    is_list = isinstance(value, (Sequence, np.ndarray)) and count_axes(value) > 0
+    if not is_list or len(value) != n:
+        received = str(len(value)) if is_list else quote(value)
         raise ValueError(f"{what}: expected {n}, one for each environment, received {received}.")
-    return values
+    return list(value)
 
 
 def check_noise(value: tuple[float, float]) -> tuple[float, float]:

@@ -12,7 +12,7 @@ from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode
 from numpy.typing import ArrayLike, NDArray
 
-from minigolf_env._validation import integer, quote
+from minigolf_env._validation import count_axes, integer, quote
 from minigolf_env.courses import Course
 from minigolf_env.envs.config import (
     EnvOptions,
@@ -171,7 +171,8 @@ class MiniGolfVectorEnv(gym.vector.VectorEnv[Observations, Actions, NDArray[Any]
         # Select the environments that play; those whose episode is over are reset instead.
         idle = np.flatnonzero(self._over)
         if self.autoreset_mode == AutoresetMode.DISABLED and len(idle):
-            raise ResetNeeded(f"Episodes {idle.tolist()} are over; reset them with options={{'reset_mask': ...}}.")
+            over = quote(idle.tolist())
+            raise ResetNeeded(f"Episodes {over} are over; reset them with options={{'reset_mask': ...}}.")
         rows = np.flatnonzero(~self._over) if len(idle) else ALL_ROWS
         # Play the strokes, then advance the episodes: an error before this leaves them as they were.
         before = self._positions[rows].copy()
@@ -222,7 +223,7 @@ class MiniGolfVectorEnv(gym.vector.VectorEnv[Observations, Actions, NDArray[Any]
             An Outcome of N environments and M putts: its fields have the leading shape (N, M).
         """
         self._require_reset()
-        leading_shape = () if np.ndim(actions) == 2 else (self.num_envs,)
+        leading_shape = () if count_axes(actions) == 2 else (self.num_envs,)
         putts = check_actions(actions, (*leading_shape, None, 2))
         putts = np.broadcast_to(putts, (self.num_envs, *putts.shape[-2:]))
         positions = np.repeat(self._positions, putts.shape[1], axis=0)
@@ -351,7 +352,7 @@ class MiniGolfVectorEnv(gym.vector.VectorEnv[Observations, Actions, NDArray[Any]
         """Return the tasks of chosen levels or holes by environment; an empty dict if none is chosen."""
         if index is None:
             return {}
-        is_shared = np.ndim(index) == 0
+        is_shared = count_axes(index) == 0
         indices = [index] * self.num_envs if is_shared else one_per_env(index, self.num_envs, self._sampler.index_name)
         return {i: self._sampler.get(indices[i]) for i in rows.tolist()}
 

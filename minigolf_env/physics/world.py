@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from minigolf_env._validation import finite_array, one_of, positive_number, quote
+from minigolf_env._validation import count_axes, finite_array, one_of, positive_number, quote
 from minigolf_env.physics import step as kernels
 from minigolf_env.physics.batch import (
     NO_LOG,
@@ -229,7 +229,7 @@ class World:
         Raises:
             ValueError: wrong shape or values that are not finite.
         """
-        is_batch = np.ndim(position) == 2
+        is_batch = count_axes(position) == 2
         p = _points(position, "position") if is_batch else _point(position, "position")[None]
         clearances = clearance_rows([self.scene], p)
         return clearances if is_batch else float(clearances[0])
@@ -244,7 +244,7 @@ class World:
             ValueError: a ball intersects a mesh, is inside a solid or outside the room; a wrong shape or values that
                 are not finite.
         """
-        is_batch = np.ndim(position) == 2
+        is_batch = count_axes(position) == 2
         p = _points(position, "position") if is_batch else _point(position, "position")
         check_no_overlap([self.scene], p, self.coordinate_scale)
         balls = p.reshape(-1, 3)
@@ -300,7 +300,7 @@ class WorldBatch:
         self.worlds = tuple(worlds)
         time_steps = {world.dt for world in self.worlds}
         if len(time_steps) > 1:
-            raise ValueError(f"worlds: expected all of one dt, received {sorted(time_steps)} s.")
+            raise ValueError(f"worlds: expected all of one dt, received {quote(sorted(time_steps))} s.")
         self._scenes = [world.scene for world in self.worlds]
 
     def simulate_batch(self, positions: ArrayLike, velocities: ArrayLike, max_time: float = 30.0) -> Shot:
@@ -377,7 +377,7 @@ def _validated_meshes(meshes: Sequence[TriangleMesh]) -> tuple[TriangleMesh, ...
         raise ValueError(f"meshes: expected a list of TriangleMesh, received {kind}; write World([mesh]).") from None
     if not checked or not all(isinstance(mesh, TriangleMesh) for mesh in checked):
         received = [type(mesh).__name__ for mesh in checked]
-        raise ValueError(f"meshes: expected at least one TriangleMesh, received {received}.")
+        raise ValueError(f"meshes: expected at least one TriangleMesh, received {quote(received)}.")
     return checked
 
 

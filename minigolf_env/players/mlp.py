@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from minigolf_env._validation import one_of
+from minigolf_env._validation import one_of, quote
 
 Array = NDArray[np.float32]
 
@@ -49,7 +49,7 @@ class MLP:
             size[1] == next_size[0] for size, next_size in itertools.pairwise(sizes)
         )
         if not sizes or not is_chain or sizes[-1][1] != 2:
-            raise ValueError(f"expected layers that fit together and end in 2 outputs, received sizes {sizes}.")
+            raise ValueError(f"expected layers that fit together and end in 2 outputs, received sizes {quote(sizes)}.")
         if not all(np.isfinite(array).all() for layer in self.layers for array in layer):
             raise ValueError("expected finite weights, received others; the training has diverged.")
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 import io
 import json
 import math
+import os
 import pickle
 import pickletools
 import re
@@ -25,7 +26,7 @@ from typing import IO, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from minigolf_env._validation import quote, quote_error
+from minigolf_env._validation import quote, quote_error, quote_unless_plain
 from minigolf_env.players.mlp import MLP, Layer
 from minigolf_env.players.mlp_policy import MLPPolicy
 from minigolf_env.players.putt_value_model import PuttValueModel
@@ -93,8 +94,9 @@ def load_model(path: str | Path) -> Model:
     """
     file = Path(path)
     read = _load_npz if file.suffix == ".npz" else _load_sb3_zip
-    if not file.is_file():
-        raise FileNotFoundError(f"model: expected a .zip or .npz file, there is none at {path}.")
+    if not os.path.isfile(file):  # noqa: PTH113 - Path.is_file raises an OSError for a name that is too long.
+        place = quote_unless_plain(str(path))
+        raise FileNotFoundError(f"model: expected a .zip or .npz file, there is none at {place}.")
     try:
         return read(file)
     except (FileNotFoundError, PermissionError):

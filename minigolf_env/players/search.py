@@ -15,6 +15,7 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
+from minigolf_env._validation import quote
 from minigolf_env.envs import MiniGolfEnv, Task
 from minigolf_env.envs.config import check_noise
 from minigolf_env.envs.holes import FloatArray
@@ -109,7 +110,9 @@ def search(
     """
     for budget in budgets:
         if budget.directions < 1 or budget.speeds < 1 or budget.refinements < 0:
-            raise ValueError(f"budgets: expected directions and speeds >= 1 and refinements >= 0, received {budget}.")
+            raise ValueError(
+                f"budgets: expected directions and speeds >= 1 and refinements >= 0, received {quote(budget)}."
+            )
     if not budgets:
         raise ValueError("budgets: expected at least one, received none.")
     golf = cast(MiniGolfEnv, env.unwrapped)

@@ -189,6 +189,13 @@ def test_cost_of_many_faults_is_in_proportion_to_the_file(name: str) -> None:
     assert num_calls < 20 * len(text) + 1e5
 
 
+def test_integers_that_python_cannot_print_are_refused() -> None:
+    """Python prints integers of up to 4300 digits, and tomllib reads longer ones in other than decimal notation."""
+    for prefix in ("0x", "0o", "0b"):
+        assert "an integer of more than 1000 digits" in message_of(f"{HEAD}[[parts]]\nkind = {prefix}{'1' * 1000}\n")
+        assert "kind: expected one of" in message_of(f"{HEAD}[[parts]]\nkind = {prefix}{'1' * 999}\n")
+
+
 @pytest.mark.parametrize(
     "name",
     ["x" * 1_000_000, "x" * 5000 + ".toml", "x\0.toml", ["x"] * 100_000, {"x": 1}, 10**5000, None, b"dogleg"],

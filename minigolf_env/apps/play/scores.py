@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from minigolf_env._atomic_io import write_text
-from minigolf_env._validation import quote, quote_error
+from minigolf_env._validation import quote, quote_error, quote_unless_plain
 
 SCORES_FILE_VERSION = 1
 """Version of the file format of best scores."""
@@ -172,7 +172,7 @@ def _check_scores(data: object) -> dict[str, int]:
         raise ValueError(f"expected version {SCORES_FILE_VERSION} and best scores, received {quote(data)}")
     for hole, strokes in best.items():
         if type(strokes) is not int or strokes < 1:
-            raise ValueError(f"{hole}: expected strokes >= 1, received {quote(strokes)}")
+            raise ValueError(f"{quote_unless_plain(hole)}: expected strokes >= 1, received {quote(strokes)}")
     return best
 
 

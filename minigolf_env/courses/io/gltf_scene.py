@@ -208,7 +208,7 @@ class _SceneReader:
             # Read the corners and their indices.
             mode = primitive.get("mode", TRIANGLES_MODE)
             if mode not in (TRIANGLES_MODE, STRIP_MODE, FAN_MODE):
-                raise ValueError(f"its mesh consists of {OTHER_MODES.get(mode, mode)}, not of triangles")
+                raise ValueError(f"its mesh consists of {OTHER_MODES.get(mode) or quote(mode)}, not of triangles")
             corners = read_positions(self.data, self.binary, primitive["attributes"]["POSITION"])
             index = np.arange(len(corners))
             if "indices" in primitive:

@@ -29,6 +29,9 @@ MAX_KEY_DOTS = 100
 TOML_TABLE_HEADER = re.compile(r"^[ \t]*\[{1,2}[^\[\],=\n]*\]", re.MULTILINE)
 """Header of a table; a row of an array that has two numbers does not match."""
 
+LONG_INTEGER = re.compile(r"\b0[xob][\da-fA-F_]{1000}")
+"""Integer whose digits Python would not print: tomllib refuses only those in decimal notation."""
+
 MAX_KEY_PARTS = 50_000
 """Largest number of parts of all table headers and dotted keys: tomllib takes about a kilobyte for each."""
 
@@ -50,7 +53,7 @@ def read_description(path: Path, limits: Limits | None = None) -> CourseFile:
         ) from error
     except OSError as error:
         raise CourseError(
-            f"course file: expected a readable TOML file, received {quote(str(path))}: {error}"
+            f"course file: expected a readable TOML file, received {quote(str(path))}: {quote_error(error)}"
         ) from error
     return parse_description(text, quote_unless_plain(path.name))
 
@@ -63,6 +66,8 @@ def parse_description(text: str, name: str = "course file") -> CourseFile:
     """
     try:
         _check_key_lengths(text)
+        if LONG_INTEGER.search(text):
+            raise ValueError("an integer of more than 1000 digits")
         data = tomllib.loads(text)
     except (ValueError, RecursionError) as error:
         raise CourseError(f"{name}: expected TOML, received text that is not: {quote_error(error)}") from error
