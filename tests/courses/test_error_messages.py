@@ -154,7 +154,7 @@ FAULTY = {
     "long headers": HEAD + "".join("[" + ".".join(f"a{k}_{n}" for n in range(99)) + "]\n" for k in range(2000)) + LANE,
     "dotted keys": HEAD + "".join(f"a{k}.b.c = 1\n" for k in range(60_000)) + LANE,
     "long key": HEAD + "k" * 1_000_000 + " = 1\n" + LANE,
-    "long key twice": HEAD + ("k" * 200_000 + " = 1\n") * 2 + LANE,
+    "long table twice": HEAD + ("[" + "k" * 200_000 + "]\n") * 2 + LANE,
     "long names": HEAD
     + "".join(f'[surfaces."{"s" * 50_000}{k}"]\ndamping = "{"d" * 50_000}"\n' for k in range(6))
     + LANE,
