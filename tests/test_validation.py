@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import ast
-import sys
-import tracemalloc
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -24,6 +22,7 @@ from minigolf_env._validation import (
     quote_error,
     quote_unless_plain,
 )
+from tests.cost import count_calls, measure_memory
 
 ROOT = Path(__file__).parents[1]
 
@@ -67,20 +66,10 @@ def test_short_value_is_quoted_as_its_repr(value: object) -> None:
 @pytest.mark.parametrize("name", HUGE_VALUES)
 def test_huge_value_is_quoted_in_few_characters_and_operations(name: str) -> None:
     """The cost of a message does not depend on the size of the value, but for a list of a dict's keys."""
-    num_calls = 0
-
-    def count(*_: object) -> None:
-        nonlocal num_calls
-        num_calls += 1
-
-    tracemalloc.start()
-    sys.setprofile(count)
-    text = quote(HUGE_VALUES[name])
-    sys.setprofile(None)
-    _, peak = tracemalloc.get_traced_memory()
-    tracemalloc.stop()
+    with measure_memory() as memory, count_calls() as calls:
+        text = quote(HUGE_VALUES[name])
     assert 0 < len(text) <= MAX_QUOTED_LENGTH and text.isprintable()
-    assert num_calls < 20_000 and peak < 2e6
+    assert calls.count < 20_000 and memory.peak < 2e6
 
 
 def test_values_without_a_repr_are_quoted() -> None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-import tracemalloc
 from pathlib import Path
 
 import pytest
@@ -14,6 +12,7 @@ from minigolf_env.courses.io.course_description import describe_course, hex_colo
 from minigolf_env.courses.io.toml_course import MAX_KEY_DOTS, build_course, parse_description, read_description
 from minigolf_env.courses.library import DATA_DIR
 from minigolf_env.courses.schema.limits import Limits
+from tests.cost import count_calls, measure_memory
 
 DOGLEG = (DATA_DIR / "dogleg.toml").read_text()
 
@@ -169,24 +168,11 @@ FAULTY = {
 def test_cost_of_many_faults_is_in_proportion_to_the_file(name: str) -> None:
     """A file of thousands of faults takes memory and calls in proportion to its size, and a short message."""
     text = FAULTY[name]
-    num_calls = 0
-
-    def count(*_: object) -> None:
-        nonlocal num_calls
-        num_calls += 1
-
-    tracemalloc.start()
-    sys.setprofile(count)
-    try:
-        with pytest.raises(CourseError) as error:
-            build_course(parse_description(text), DATA_DIR)
-    finally:
-        sys.setprofile(None)
-    _, peak = tracemalloc.get_traced_memory()
-    tracemalloc.stop()
+    with measure_memory() as memory, count_calls() as calls, pytest.raises(CourseError) as error:
+        build_course(parse_description(text), DATA_DIR)
     assert len(str(error.value)) < 2000
-    assert peak < 150 * len(text) + 5e6
-    assert num_calls < 20 * len(text) + 1e5
+    assert memory.peak < 150 * len(text) + 5e6
+    assert calls.count < 20 * len(text) + 1e5
 
 
 def test_integers_that_python_cannot_print_are_refused() -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import struct
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -15,6 +14,7 @@ from minigolf_env.courses import CourseError
 from minigolf_env.courses.io.glb_properties import KNOWN_KEYS, PART_KEYS, find_meant_key
 from minigolf_env.courses.io.gltf_scene import read_scene
 from minigolf_env.courses.schema.limits import Limits
+from tests.cost import count_calls
 from tests.courses.scenes import CUP, TEE, WOOD, load_scene, packed
 
 
@@ -200,16 +200,7 @@ def test_cost_of_a_mesh_of_many_objects_is_that_of_one() -> None:
         "bufferViews": [{"byteLength": 36}],
     }
     content = packed(data, struct.pack("<I4s", 36, b"BIN\0") + np.eye(3, dtype="<f4").tobytes())
-    num_calls = 0
-
-    def count(*_: object) -> None:
-        nonlocal num_calls
-        num_calls += 1
-
-    sys.setprofile(count)
-    try:
+    with count_calls() as calls:
         objects, _ = read_scene(content, Limits())
-    finally:
-        sys.setprofile(None)
     assert sum(len(item.data_keys) for item in objects) == len(keys)
-    assert num_calls < 200_000
+    assert calls.count < 200_000

@@ -6,7 +6,6 @@ import base64
 import io
 import json
 import struct
-import tracemalloc
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +17,7 @@ from minigolf_env.courses import CourseError, load_course
 from minigolf_env.courses.io.gltf_scene import EXACT_VERTICES_KEY, SceneObject, read_scene
 from minigolf_env.courses.io.gltf_writer import write_scene
 from minigolf_env.courses.schema.limits import Limits
+from tests.cost import measure_memory
 from tests.courses.scenes import packed, solid, unpacked
 
 
@@ -167,12 +167,9 @@ def test_limits_count_each_use_of_an_array(tmp_path: Path) -> None:
     path = tmp_path / "again.glb"
     binary = rest[8:].ljust(12 * corners, b"\0")
     path.write_bytes(packed(data, struct.pack("<I4s", len(binary), b"BIN\0") + binary))
-    tracemalloc.start()
-    with pytest.raises(CourseError, match="expected at most 20000 triangles"):
+    with measure_memory() as memory, pytest.raises(CourseError, match="expected at most 20000 triangles"):
         load_course(path, limits=Limits(triangles=20_000))
-    _, peak = tracemalloc.get_traced_memory()
-    tracemalloc.stop()
-    assert peak < 30e6
+    assert memory.peak < 30e6
     with pytest.raises(CourseError, match="JSON in it: expected at most 100 bytes"):
         load_course(path, limits=Limits(text_bytes=100))
 
@@ -221,7 +218,7 @@ def test_quantized_positions_are_read() -> None:
 
 
 def test_default_scene_is_read() -> None:
-    """Of several scenes the default one is read. A file without scenes has all nodes, each once."""
+    """The default one of several scenes is read. A file without scenes has all nodes, each once."""
     nodes = [{"name": "a", "children": [2]}, {"name": "b"}, {"name": "c"}]
     for fields, names in (
         ({}, "acb"),

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import random
 import struct
-import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +17,7 @@ from minigolf_env.courses.io.mesh_files import read_mesh
 from minigolf_env.courses.io.toml_course import build_course, parse_description
 from minigolf_env.courses.schema.limits import Limits
 from minigolf_env.physics import TriangleMesh
+from tests.cost import measure_memory
 
 MESH = 'name = "m"\ntee = {{ at = [0, 0] }}\n[[parts]]\nkind = "mesh"\nfile = "{}"\n'
 
@@ -94,12 +94,9 @@ def test_mesh_file_takes_at_most_about_hundred_times_its_size(name: str, tmp_pat
     (tmp_path / "m.toml").write_text(MESH.format(name))
     size = (tmp_path / name).stat().st_size
     assert size < 1.2e6
-    tracemalloc.start()
-    with pytest.raises(CourseError):
+    with measure_memory() as memory, pytest.raises(CourseError):
         load_course(tmp_path / "m.toml", limits=Limits(triangles=10_000))
-    _, peak = tracemalloc.get_traced_memory()
-    tracemalloc.stop()
-    assert peak < 120 * size + 5e6
+    assert memory.peak < 120 * size + 5e6
     if name != "binary.stl":
         with pytest.raises(CourseError, match="expected at most 10 bytes"):
             load_course(tmp_path / "m.toml", limits=Limits(text_bytes=10))
@@ -286,11 +283,9 @@ def test_text_stl_may_begin_with_anything(start: str, word: str, tmp_path: Path)
 def test_numbers_of_a_text_stl_take_memory_in_proportion(tmp_path: Path) -> None:
     """One long number does not make all others as long."""
     text = "solid\n" + "vertex 0 0 0\n" * 2_997 + f"vertex {'0' * 100_000} 0 0\n" * 3
-    tracemalloc.start()
-    read(text, "stl", tmp_path)
-    _, peak = tracemalloc.get_traced_memory()
-    tracemalloc.stop()
-    assert peak < 100 * len(text)
+    with measure_memory() as memory:
+        read(text, "stl", tmp_path)
+    assert memory.peak < 100 * len(text)
 
 
 @pytest.mark.parametrize("number", ["nan", "inf", "2.5", "12", "-1"])
@@ -313,11 +308,9 @@ def test_ply_list_of_impossible_length_is_an_error(length: str, tmp_path: Path) 
 def test_ply_element_without_properties_has_no_rows_to_read(tmp_path: Path) -> None:
     """The count of such an element costs neither time nor memory."""
     text = as_ply(*prism(L_SHAPE), "").decode().replace("element vertex", "element none 400000\nelement vertex")
-    tracemalloc.start()
-    assert is_box(read(text, "ply", tmp_path), 3.0)
-    _, peak = tracemalloc.get_traced_memory()
-    tracemalloc.stop()
-    assert peak < 2e6
+    with measure_memory() as memory:
+        assert is_box(read(text, "ply", tmp_path), 3.0)
+    assert memory.peak < 2e6
 
 
 @pytest.mark.parametrize(

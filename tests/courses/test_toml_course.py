@@ -6,7 +6,6 @@ import math
 import random
 import resource
 import tomllib
-import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +18,7 @@ from minigolf_env.courses.library import DATA_DIR
 from minigolf_env.courses.schema.course_file import CourseFile
 from minigolf_env.courses.schema.limits import Limits
 from minigolf_env.physics import Status
+from tests.cost import measure_memory
 
 DOGLEG = (DATA_DIR / "dogleg.toml").read_text()
 NUM_MUTATIONS = 3000
@@ -189,21 +189,19 @@ def test_rejects_broken_and_huge_files_with_little_memory(tmp_path: Path) -> Non
         'heights = [{ kind = "along", profile = [[0, 0], [1, 1]] }]\ncell = [1e-9, 900.0]\n',
         "ball.ply": "ply",
     }
-    tracemalloc.start()
-    for name, text in cases.items():
-        path = tmp_path / name
-        path.write_text(text)
-        if path.suffix == ".ply":
-            path.write_text(
-                "ply\nformat binary_little_endian 1.0\nelement vertex 2000000000\nproperty float x\nend_header\n"
-            )
-            path = tmp_path / "ply.toml"
-            path.write_text(f'name = "m"\ntee = {{ at = [0, 0] }}\n[[parts]]\nkind = "mesh"\nfile = "{name}"\n')
-        with pytest.raises(CourseError):
-            load_course(path)
-    _, peak = tracemalloc.get_traced_memory()
-    tracemalloc.stop()
-    assert peak < 100e6, "memory is not allocated by the counts in a file"
+    with measure_memory() as memory:
+        for name, text in cases.items():
+            path = tmp_path / name
+            path.write_text(text)
+            if path.suffix == ".ply":
+                path.write_text(
+                    "ply\nformat binary_little_endian 1.0\nelement vertex 2000000000\nproperty float x\nend_header\n"
+                )
+                path = tmp_path / "ply.toml"
+                path.write_text(f'name = "m"\ntee = {{ at = [0, 0] }}\n[[parts]]\nkind = "mesh"\nfile = "{name}"\n')
+            with pytest.raises(CourseError):
+                load_course(path)
+    assert memory.peak < 100e6, "memory is not allocated by the counts in a file"
     with pytest.raises(CourseError, match="at most 100 bytes"):
         load_course("dogleg", limits=Limits(text_bytes=100))
     with pytest.raises(CourseError, match="at most 100 triangles in a course"):

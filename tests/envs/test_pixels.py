@@ -26,6 +26,7 @@ from minigolf_env.envs.observations.pixels import (
     observe_pixels,
     top_view,
 )
+from minigolf_env.envs.rules import NUM_STATE_FEATURES
 from minigolf_env.envs.task import Task, TaskBatch
 from minigolf_env.rendering import RenderingError, SceneState, flag_rest_position
 from minigolf_env.rendering.gl import offscreen
@@ -46,7 +47,8 @@ LEVELS_PER_TEST = 10
 """Number of levels of one test."""
 
 MATERIALS = ("felt", "wood", "stone", "wall", "cup", "brick", "paint", "water")
-STATE = np.empty((0, 10), np.float32)
+
+STATE = np.empty((0, NUM_STATE_FEATURES), np.float32)
 """Features "state", which images do not show."""
 
 

@@ -9,7 +9,6 @@ import os
 import pickle
 import random
 import struct
-import tracemalloc
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -21,6 +20,7 @@ import pytest
 from minigolf_env.players.mlp_policy import MLPPolicy
 from minigolf_env.players.model_files import MAX_MODEL_BYTES, load_model, save_model
 from minigolf_env.players.putt_value_model import PuttValueModel
+from tests.cost import measure_memory
 from tests.players.samples import RANDOM_OBSERVATIONS, random_mlp
 
 torch = pytest.importorskip("torch", reason="reading and writing .zip files needs torch")
@@ -233,13 +233,10 @@ def test_unpacks_no_more_than_declared_size(tmp_path: Path, name: str) -> None:
 
 def peak_memory_of_refusal(path: Path) -> int:
     """Return the peak memory in bytes that Python and numpy take to refuse a file."""
-    tracemalloc.start()
-    try:
-        with pytest.raises(ValueError, match=f"model: .*{path.name} contains no model that can be played"):
-            load_model(path)
-        return tracemalloc.get_traced_memory()[1]
-    finally:
-        tracemalloc.stop()
+    message = f"model: .*{path.name} contains no model that can be played"
+    with measure_memory() as memory, pytest.raises(ValueError, match=message):
+        load_model(path)
+    return memory.peak
 
 
 @pytest.mark.filterwarnings("ignore")  # numpy warns about the headers.

@@ -2,7 +2,6 @@
 
 import subprocess
 import sys
-import tracemalloc
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from minigolf_env.rendering.video_writer import VideoWriter
+from tests.cost import measure_memory
 from tests.videos import decode
 
 SIZE = (64, 48)
@@ -71,12 +71,10 @@ def test_writer_keeps_no_frames_in_memory(tmp_path: Path) -> None:
     """Memory does not grow with the length of the video."""
     with VideoWriter(tmp_path / "long.mp4", (320, 240), 30) as writer:
         frame = np.zeros((240, 320, 3), np.uint8)
-        tracemalloc.start()
-        for k in range(300):
-            writer.add(frame + np.uint8(k % 250))
-        peak = tracemalloc.get_traced_memory()[1]
-        tracemalloc.stop()
-    assert peak < 4 * frame.nbytes
+        with measure_memory() as memory:
+            for k in range(300):
+                writer.add(frame + np.uint8(k % 250))
+    assert memory.peak < 4 * frame.nbytes
 
 
 @pytest.mark.parametrize("ending", [".mp4", ".gif"])
