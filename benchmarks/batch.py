@@ -13,7 +13,6 @@ from __future__ import annotations
 import statistics
 import subprocess
 import sys
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -26,6 +25,7 @@ from stable_baselines3.common.vec_env import VecMonitor
 
 from agents.sb3_vec_env import SB3VecEnv
 from benchmarks.report import format_rate, print_table
+from benchmarks.timing import cpu_seconds
 from minigolf_env.envs import MiniGolfVectorEnv
 from minigolf_env.envs.task import MAX_PUTT_TIME
 from minigolf_env.physics import WorldBatch
@@ -44,13 +44,6 @@ class Args:
     """Number of pairs of a step and its putts; ten times as many with putts of length 0."""
     large: int = 8192
     """Number of environments whose memory is measured."""
-
-
-def cpu_seconds(call: Callable[[], Any]) -> float:
-    """Return the CPU time of a call, s."""
-    start = time.process_time()
-    call()
-    return time.process_time() - start
 
 
 class StepCost(NamedTuple):

@@ -23,11 +23,13 @@ import numba
 import numpy as np
 
 from benchmarks.report import print_table
+from benchmarks.timing import cpu_seconds
 from minigolf_env.courses import Course, load_course
 from minigolf_env.courses.procedural import level_name
 from minigolf_env.envs import MiniGolfEnv
 from minigolf_env.envs.holes import FloatArray
 from minigolf_env.envs.observations.pixels import IMAGE_SIZE, marker_view, observe_pixels, top_view
+from minigolf_env.envs.rules import NUM_STATE_FEATURES
 from minigolf_env.envs.task import TaskBatch
 from minigolf_env.rendering.camera import make_camera
 from minigolf_env.rendering.gl.offscreen import draw
@@ -48,7 +50,7 @@ NUM_LEVELS = 500
 NUM_OBSERVATION_ROUNDS = 10
 """Number of measured batches of pixel observations."""
 
-NO_STATE = np.empty((0, 10), np.float32)
+NO_STATE = np.empty((0, NUM_STATE_FEATURES), np.float32)
 """Features "state", which pixel observations do not show."""
 
 MUJOCO_MODEL = """
@@ -114,9 +116,7 @@ def measure_alternating(renderers: dict[str, Callable[[float], Any]]) -> dict[st
     cpu_times: dict[str, list[float]] = {name: [] for name in renderers}
     for k in range(NUM_FRAMES + NUM_WARMUP_FRAMES):
         for name, render_frame in renderers.items():
-            start = time.process_time()
-            render_frame(0.3 + 0.04 * k)
-            cpu_times[name].append(1e3 * (time.process_time() - start))
+            cpu_times[name].append(1e3 * cpu_seconds(lambda: render_frame(0.3 + 0.04 * k)))  # noqa: B023 (called at once)
     return {name: statistics.median(times[NUM_WARMUP_FRAMES:]) for name, times in cpu_times.items()}
 
 
@@ -162,13 +162,11 @@ def pixel_rates(tasks: TaskBatch, num_rendered: int) -> dict[str, float]:
     cpu_times: dict[str, list[float]] = {"kernel": [], "renderer": []}
     for _ in range(NUM_OBSERVATION_ROUNDS + 1):
         balls = tasks.sample_start([rng] * count) + rng.uniform(0.0, 1.0, (count, 1)) * [1.0, 0.2, 0.0]
-        start = time.process_time()
-        observe_pixels(tasks, balls, strokes, NO_STATE)
-        cpu_times["kernel"].append((time.process_time() - start) / count)
-        start = time.process_time()
-        for k in range(num_rendered):
-            render_marker(tasks.tasks[k % len(tasks.tasks)].course, balls[k])
-        cpu_times["renderer"].append((time.process_time() - start) / num_rendered)
+        rendered = [(tasks.tasks[k % len(tasks.tasks)].course, balls[k]) for k in range(num_rendered)]
+        kernel = cpu_seconds(lambda: observe_pixels(tasks, balls, strokes, NO_STATE))  # noqa: B023 (called at once)
+        renderer = cpu_seconds(lambda: [render_marker(*pair) for pair in rendered])  # noqa: B023
+        cpu_times["kernel"].append(kernel / count)
+        cpu_times["renderer"].append(renderer / num_rendered)
     return {name: 1.0 / statistics.median(times[1:]) for name, times in cpu_times.items()}
 
 

@@ -14,6 +14,7 @@ import tempfile
 import time
 
 from benchmarks.report import print_table
+from benchmarks.timing import cpu_seconds
 from minigolf_env.courses import list_courses
 from minigolf_env.courses.io.toml_course import read_course
 from minigolf_env.courses.library import DATA_DIR
@@ -38,9 +39,7 @@ def load_seconds(name: str) -> float:
     """Return the median CPU time from a course file to its world, s, after a first load."""
     times = []
     for _ in range(NUM_RUNS + 1):
-        start = time.process_time()
-        read_course(DATA_DIR / f"{name}.toml").world()
-        times.append(time.process_time() - start)
+        times.append(cpu_seconds(lambda: read_course(DATA_DIR / f"{name}.toml").world()))
     return statistics.median(times[1:])
 
 

@@ -27,6 +27,7 @@ from agents.train_pixels import PixelsConfig, make_pixel_model
 from agents.train_ppo import PPOConfig, make_model
 from agents.training_run import make_sb3_envs
 from benchmarks.report import format_rate, print_table
+from benchmarks.timing import cpu_seconds
 from minigolf_env.courses import list_courses
 from minigolf_env.courses.procedural import DIFFICULTY_NAMES
 from minigolf_env.envs.config import ignore_unseen_levels
@@ -72,10 +73,7 @@ def single_step_seconds(env: gym.Env[Any, Any], rng: np.random.Generator, steps:
 def batch_step_seconds(envs: gym.vector.VectorEnv[Any, Any, Any], rng: np.random.Generator, steps: int) -> float:
     """Return the mean CPU time of a step with random putts for each environment, s."""
     putts = rng.uniform(-1, 1, (steps, envs.num_envs, 2))
-    start = time.process_time()
-    for row in putts:
-        envs.step(row)
-    return (time.process_time() - start) / (steps * envs.num_envs)
+    return cpu_seconds(lambda: [envs.step(row) for row in putts]) / (steps * envs.num_envs)
 
 
 def measure(args: Args, batch_sizes: tuple[int, ...], **options: Any) -> list[float]:
