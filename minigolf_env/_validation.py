@@ -51,7 +51,7 @@ def quote(value: Any) -> str:
 
 
 def quote_unless_plain(name: str) -> str:
-    """Return a name for an error message: as it is if it is short and of letters, digits, spaces, "_", "." and "-"."""
+    """Return a name for an error message, without quotation marks if it is short and plain: letters, digits, " _.-"."""
     return name if len(name) <= MAX_PLAIN_NAME_LENGTH and PLAIN_NAME.fullmatch(name) else quote(name)
 
 

@@ -21,7 +21,7 @@ from minigolf_env.rendering.scene_state import SceneState
 FloatArray = NDArray[np.float64]
 
 MAX_PENUMBRA_GROWTH = 0.1
-"""Upper bound of the growth of a penumbra per metre of distance from the occluder; surface.frag has at most 0.08."""
+"""Upper bound of the growth of a penumbra per metre of distance from the occluder; that of the ball is 0.08."""
 
 PIXEL_ROUNDING = np.array([[-1.0], [2.0]])
 """Offsets added to the floored lower and upper edges: they round outwards and add a margin of one pixel."""
